@@ -1,0 +1,130 @@
+//! Devices and their streams: the trait every driver implements.
+
+use crate::{calibration::Rig, frame::Frame};
+use serde::{Deserialize, Serialize};
+use std::{path::PathBuf, time::Duration};
+use thiserror::Error;
+
+/// What a device is, for people and for logs.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct DeviceInfo {
+    /// The address that opens it again, e.g. `synthetic:desk` or `replay:/path/to/file.mcap`.
+    pub address: String,
+    /// Driver name.
+    pub driver: String,
+    /// Human-readable model.
+    pub model: String,
+    /// True when its frames end by themselves, as a recording's do.
+    pub finite: bool,
+}
+
+/// What is *asked* of a device for one session; what was granted stands in every frame.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Settings {
+    /// Exposure wanted for both lights, seconds; `None` = the device's own choice.
+    pub exposure_seconds: Option<f32>,
+    /// Linear gain wanted; `None` = the device's own choice.
+    pub gain: Option<f32>,
+    /// Flash pattern: flash fires on every `flash_every`-th color frame; ≥ 2, so that brackets
+    /// ambient–flash–ambient exist.
+    pub flash_every: u32,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { exposure_seconds: None, gain: None, flash_every: 3 }
+    }
+}
+
+/// Why a device gave no frame.
+#[derive(Debug, Error)]
+pub enum DriverError {
+    /// Nothing arrived within the patience given; the stream may be asked again.
+    #[error("{device}: no frame within {patience:?}; check the cable or raise the patience")]
+    Timeout {
+        /// Device address.
+        device: String,
+        /// How long was waited.
+        patience: Duration,
+    },
+    /// The device is gone; close it, and open it again when it is back.
+    #[error("{device}: unplugged; plug it in and start again")]
+    Unplugged {
+        /// Device address.
+        device: String,
+    },
+    /// A finite device has no frame left.
+    #[error("{device}: end of recording")]
+    Ended {
+        /// Device address.
+        device: String,
+    },
+    /// A setting the device cannot grant.
+    #[error("{device}: cannot set {setting}: {reason}")]
+    Setting {
+        /// Device address.
+        device: String,
+        /// Name of the setting.
+        setting: &'static str,
+        /// What is possible instead.
+        reason: String,
+    },
+    /// Bytes that are not what they claim to be.
+    #[error("{path}: {problem}; {remedy}")]
+    Malformed {
+        /// The file (or device address).
+        path: PathBuf,
+        /// What is wrong, with the field or byte offset.
+        problem: String,
+        /// What to do.
+        remedy: &'static str,
+    },
+    /// No such driver or device.
+    #[error("no device at {address:?}: {reason}")]
+    NoDevice {
+        /// Address asked for.
+        address: String,
+        /// What was looked for.
+        reason: String,
+    },
+    /// The operating system refused.
+    #[error("{path}: {source}")]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// The cause.
+        source: std::io::Error,
+    },
+}
+
+/// Something that takes pictures.
+pub trait Device: Send {
+    /// What it is.
+    fn info(&self) -> DeviceInfo;
+
+    /// Its geometry.
+    fn rig(&self) -> Rig;
+
+    /// Starts streaming. Frames come in the order each camera took them; the two cameras may
+    /// interleave in any way.
+    ///
+    /// # Errors
+    /// [`DriverError::Setting`] for settings it cannot grant; [`DriverError::Unplugged`] or
+    /// [`DriverError::Io`] when it cannot start.
+    fn start(&mut self, settings: &Settings) -> Result<Box<dyn Stream + '_>, DriverError>;
+}
+
+/// A running capture; dropping it stops the device and puts its flash out.
+pub trait Stream {
+    /// What was asked for when it started.
+    fn settings(&self) -> &Settings;
+
+    /// Waits for the next frame.
+    ///
+    /// # Errors
+    /// [`DriverError::Timeout`] after `patience` without a frame (the stream stays usable),
+    /// [`DriverError::Ended`] at the end of a finite device, [`DriverError::Unplugged`] when the
+    /// device is gone, [`DriverError::Malformed`] for a frame that is not what it claims to be.
+    fn next_frame(&mut self, patience: Duration) -> Result<Frame, DriverError>;
+}

@@ -1,0 +1,213 @@
+//! What a device delivers: color and depth frames with their time, light and exposure.
+
+use crate::plane::Plane;
+use serde::{Deserialize, Serialize};
+use std::time::Duration;
+
+/// Nanoseconds on `CLOCK_MONOTONIC` at which the first row of a frame starts to expose.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Timestamp(u64);
+
+impl Timestamp {
+    /// A moment `nanoseconds` after the clock's zero.
+    pub const fn from_nanos(nanoseconds: u64) -> Self {
+        Self(nanoseconds)
+    }
+
+    /// Nanoseconds since the clock's zero.
+    pub const fn as_nanos(self) -> u64 {
+        self.0
+    }
+
+    /// This moment moved later; stops at the end of the clock.
+    #[must_use]
+    pub fn after(self, delay: Duration) -> Self {
+        Self(self.0.saturating_add(u64::try_from(delay.as_nanos()).unwrap_or(u64::MAX)))
+    }
+
+    /// How far two moments lie apart, whichever comes first.
+    pub fn distance(self, other: Self) -> Duration {
+        Duration::from_nanos(self.0.abs_diff(other.0))
+    }
+}
+
+/// Which light the frame was taken in. A frame of unknown light never passes the door.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Illumination {
+    /// The room's light alone.
+    Ambient,
+    /// The room's light and the flash.
+    Flash,
+}
+
+/// Exposure the device *granted* (never what was asked for).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Exposure {
+    /// Time the sensor was open, in seconds; > 0.
+    pub seconds: f32,
+    /// Total linear gain, 1 = base; > 0.
+    pub gain: f32,
+}
+
+impl Exposure {
+    /// One second at base gain: dividing by it changes nothing.
+    pub const UNIT: Self = Self { seconds: 1.0, gain: 1.0 };
+
+    /// `seconds · gain`, the factor between scene-linear light and pixel values.
+    pub fn factor(self) -> f32 {
+        self.seconds * self.gain
+    }
+}
+
+/// Order of the color filters in the top-left 2×2 pixels, row by row.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[expect(missing_docs, reason = "the names say it")]
+pub enum BayerPattern {
+    Rggb,
+    Grbg,
+    Gbrg,
+    Bggr,
+}
+
+/// How pixel values relate to light; the value is `encode(light)` with light and value in [0, 1].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Transfer {
+    /// Value = light.
+    Linear,
+    /// IEC 61966-2-1.
+    Srgb,
+    /// ITU-R BT.709 camera curve.
+    Bt709,
+    /// Value = light^(1/gamma).
+    Gamma(f32),
+    /// A measured response: light in [0, 1] at 256 evenly spaced values, non-decreasing.
+    Response(Vec<f32>),
+}
+
+/// The samples of a color frame as the device delivered them.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Pixels {
+    /// Raw sensor samples, one color per pixel, linear between the two levels.
+    Bayer {
+        /// Raw numbers, full scale 65535 whatever the sensor's depth.
+        samples: Plane<u16>,
+        /// Filter order.
+        pattern: BayerPattern,
+    },
+    /// Packed `Y0 U Y1 V`, BT.601 limited range, `2 · width` bytes per row; even width.
+    Yuyv {
+        /// Pixels per row.
+        width: usize,
+        /// Rows.
+        height: usize,
+        /// `2 · width · height` bytes.
+        bytes: Vec<u8>,
+    },
+    /// A full plane of Y, then one of interleaved U and V at half size, BT.601 limited range; even sizes.
+    Nv12 {
+        /// Pixels per row.
+        width: usize,
+        /// Rows.
+        height: usize,
+        /// `width · height · 3 / 2` bytes.
+        bytes: Vec<u8>,
+    },
+    /// One JPEG picture.
+    Mjpg {
+        /// Declared pixels per row; the JPEG must agree.
+        width: usize,
+        /// Declared rows; the JPEG must agree.
+        height: usize,
+        /// The JPEG file.
+        bytes: Vec<u8>,
+    },
+    /// 8-bit red, green, blue.
+    Rgb8(Plane<[u8; 3]>),
+    /// 16-bit red, green, blue, full scale 65535.
+    Rgb16(Plane<[u16; 3]>),
+    /// Floating point red, green, blue; full scale 1. NaN = unknown.
+    RgbF32(Plane<[f32; 3]>),
+}
+
+impl Pixels {
+    /// `(width, height)` in pixels.
+    pub fn size(&self) -> (usize, usize) {
+        match self {
+            Self::Bayer { samples, .. } => samples.size(),
+            Self::Yuyv { width, height, .. }
+            | Self::Nv12 { width, height, .. }
+            | Self::Mjpg { width, height, .. } => (*width, *height),
+            Self::Rgb8(plane) => plane.size(),
+            Self::Rgb16(plane) => plane.size(),
+            Self::RgbF32(plane) => plane.size(),
+        }
+    }
+}
+
+/// One picture of the color camera.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ColorFrame {
+    /// When its first row started to expose.
+    pub at: Timestamp,
+    /// The device's own count of frames; gaps are frames the device lost.
+    pub sequence: u64,
+    /// The light it was taken in, as the device's metadata proves it.
+    pub light: Illumination,
+    /// Exposure granted.
+    pub exposure: Exposure,
+    /// The picture.
+    pub pixels: Pixels,
+    /// How `pixels` relate to light.
+    pub transfer: Transfer,
+    /// Value of no light, as a fraction of full scale; in [0, 1).
+    pub black_level: f32,
+    /// Value at which the sensor clips, as a fraction of full scale; in (black, 1].
+    pub white_level: f32,
+}
+
+/// One picture of the Time-of-Flight camera; all planes share one size.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DepthFrame {
+    /// When it started to expose.
+    pub at: Timestamp,
+    /// The device's own count of frames.
+    pub sequence: u64,
+    /// Distance along z in metres; NaN = no answer.
+    pub metres: Plane<f32>,
+    /// Active infrared, in the device's own linear units, ≥ 0.
+    pub amplitude: Option<Plane<f32>>,
+    /// Standard deviation of `metres`, in metres, where the device states it; NaN = not stated.
+    pub sigma: Option<Plane<f32>>,
+}
+
+/// Anything a stream delivers.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Frame {
+    /// From the color camera.
+    Color(ColorFrame),
+    /// From the depth camera.
+    Depth(DepthFrame),
+}
+
+impl Frame {
+    /// When it started to expose.
+    pub fn at(&self) -> Timestamp {
+        match self {
+            Self::Color(frame) => frame.at,
+            Self::Depth(frame) => frame.at,
+        }
+    }
+
+    /// The camera's own count of frames.
+    pub fn sequence(&self) -> u64 {
+        match self {
+            Self::Color(frame) => frame.sequence,
+            Self::Depth(frame) => frame.sequence,
+        }
+    }
+}

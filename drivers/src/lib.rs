@@ -1,0 +1,17 @@
+//! The door: what a capture device can say, and the devices that say it.
+//!
+//! The first four modules are vocabulary. The drivers below them use the vocabulary and never
+//! each other; this crate is the only place in the project where `unsafe` may live.
+
+pub mod calibration;
+pub mod device;
+pub mod frame;
+pub mod plane;
+
+pub use calibration::{DepthCamera, Distortion, FlashLamp, Intrinsics, Rig, RigidTransform};
+pub use device::{Device, DeviceInfo, DriverError, Settings, Stream};
+pub use frame::{
+    BayerPattern, ColorFrame, DepthFrame, Exposure, Frame, Illumination, Pixels, Timestamp,
+    Transfer,
+};
+pub use plane::{Plane, SizeMismatch};

@@ -1,0 +1,1 @@
+//! The road a shot takes, every stage by name.

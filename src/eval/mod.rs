@@ -1,0 +1,1 @@
+//! Result + truth → numbers and charts.

@@ -1,0 +1,1 @@
+//! The capture folder: the plain form a capture is read from.

@@ -1,0 +1,17 @@
+//! A photograph with flash, one without, and a depth map in; the same photograph under any light out.
+//!
+//! The modules stand in the order a frame passes them, and each uses only those above it
+//! (`tests/architecture.rs` holds that). Down to `develop` everything is pure: no clock, no file,
+//! no thread of its own making, no environment. Below it is IO.
+#![forbid(unsafe_code)]
+
+pub mod shot;
+pub mod radiometry;
+pub mod registration;
+pub mod scene;
+pub mod relight;
+pub mod develop;
+// ---- above: pure; below: IO ----
+pub mod folder;
+pub mod output;
+pub mod eval;

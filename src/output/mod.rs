@@ -1,0 +1,1 @@
+//! Encoded results: PNG, EXR, the contact sheet and `shot.json`.

@@ -1,0 +1,1 @@
+//! Lamps, visibility and shading: the scene under a new light.

@@ -1,0 +1,28 @@
+//! Light + depth → surfaces: normals, albedo, roughness, thickness, each with a confidence.
+
+use drivers::{Intrinsics, Plane};
+use glam::Vec3;
+
+/// What the photographed scene is made of, on the color grid (or a smaller working grid of the
+/// same camera). All planes share one size.
+#[derive(Debug, Clone)]
+pub struct Scene {
+    /// Lens of the grid the planes lie on.
+    pub camera: Intrinsics,
+    /// Distance along z in metres, smoothed by its own sigma; NaN = unknown.
+    pub depth_metres: Plane<f32>,
+    /// Standard deviation of `depth_metres`, metres.
+    pub depth_sigma_metres: Plane<f32>,
+    /// How far the surface at this pixel reaches back along the ray, metres of z; > 0; +∞ allowed.
+    pub thickness_metres: Plane<f32>,
+    /// Unit normals in camera axes (x right, y down, z forward), facing the camera; NaN = unknown.
+    pub normal: Plane<Vec3>,
+    /// Diffuse albedo, linear red, green, blue in [0, 1] where the scale is known; NaN = unknown.
+    pub albedo: Plane<[f32; 3]>,
+    /// Karis roughness in (0, 1]; NaN = unknown.
+    pub roughness: Plane<f32>,
+    /// How far to trust a pixel, 0 (a guess) to 1.
+    pub confidence: Plane<f32>,
+    /// True when albedo is absolute; false when it is right up to one global scale.
+    pub scale_known: bool,
+}
