@@ -1,1 +1,10 @@
 //! Lamps, visibility and shading: the scene under a new light.
+//!
+//! [`Prepared`] holds what every light needs, computed once per scene; [`Prepared::relight`]
+//! answers for one lamp with one sweep over the depth map.
+
+pub mod lamp;
+pub mod prepared;
+
+pub use lamp::{Lamp, LampError};
+pub use prepared::{Indirect, Prepared, RelightOptions, Relit, Shadows};
