@@ -12,6 +12,6 @@ pub mod scene;
 pub mod relight;
 pub mod develop;
 // ---- above: pure; below: IO ----
-pub mod folder;
 pub mod output;
+pub mod folder;
 pub mod eval;
