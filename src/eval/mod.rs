@@ -1,1 +1,18 @@
 //! Result + truth → numbers and charts.
+
+pub mod charts;
+mod cost;
+mod light_error;
+mod photometric;
+mod regions;
+pub mod report;
+mod shadow_error;
+mod ssim;
+mod surface_error;
+
+pub use cost::Cost;
+pub use light_error::{Decibel, GridMismatch, LightError, ScaleFit, light_error};
+pub use regions::{Region, RegionError, band_pixels};
+pub use report::Report;
+pub use shadow_error::{ShadowError, ShadowTally};
+pub use surface_error::{NormalError, RoughnessError, normal_error, roughness_error};

@@ -1,0 +1,180 @@
+//! A chart drawn once and written twice, as PNG and as SVG, with one font for both.
+
+use plotters::coord::Shift;
+use plotters::prelude::*;
+use plotters::style::{FontStyle, register_font};
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+use thiserror::Error;
+
+/// The family name of every text: the PNG's glyphs are Ubuntu Light, bundled with the program; an
+/// SVG names the families a viewer may fall back to.
+const FAMILY: &str = "Ubuntu, DejaVu Sans, Verdana, sans-serif";
+
+/// Text and lines.
+pub(super) const INK: RGBColor = RGBColor(0x1a, 0x1a, 0x1a);
+/// Rings, rules and rows that are missing.
+pub(super) const FAINT: RGBColor = RGBColor(0x76, 0x76, 0x76);
+/// Grid lines.
+pub(super) const HAIR: RGBColor = RGBColor(0xd4, 0xd4, 0xd4);
+
+/// Why a chart could not be written.
+#[derive(Debug, Error)]
+pub enum ChartError {
+    /// The picture could not be drawn: a bug of this room.
+    #[error("{chart}: cannot be drawn: {problem}; report it with the report.json beside it")]
+    Drawing {
+        /// Which chart.
+        chart: String,
+        /// What the backend said.
+        problem: String,
+    },
+    /// The file could not be written.
+    #[error("{path}: {source}; check that the folder is writable and not full")]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// The cause.
+        source: io::Error,
+    },
+}
+
+/// Something that can draw itself on any backend.
+pub(super) trait Chart {
+    /// `(width, height)` in pixels.
+    fn size(&self) -> (u32, u32);
+
+    /// Draws onto a white area of that size.
+    fn draw<B: DrawingBackend>(&self, area: &Canvas<B>) -> Drawn<B>;
+}
+
+pub(super) type Canvas<B> = DrawingArea<B, Shift>;
+pub(super) type Drawn<B> = Result<(), DrawingAreaErrorKind<<B as DrawingBackend>::ErrorType>>;
+
+/// Writes `STEM.svg` and `STEM.png` into a folder.
+pub(super) fn write(chart: &impl Chart, folder: &Path, stem: &str) -> Result<(), ChartError> {
+    let drawing = |problem: String| ChartError::Drawing {
+        chart: stem.to_owned(),
+        problem,
+    };
+    font().map_err(|problem| drawing(problem.to_owned()))?;
+    let (width, height) = chart.size();
+
+    let mut svg = String::new();
+    let area = SVGBackend::with_string(&mut svg, (width, height)).into_drawing_area();
+    draw_on(chart, &area).map_err(|error| drawing(error.to_string()))?;
+    drop(area);
+    save(&folder.join(format!("{stem}.svg")), svg.as_bytes())?;
+
+    let mut pixels = vec![255; 3 * width as usize * height as usize];
+    let area = BitMapBackend::with_buffer(&mut pixels, (width, height)).into_drawing_area();
+    draw_on(chart, &area).map_err(|error| drawing(error.to_string()))?;
+    drop(area);
+    let png = encoded(&pixels, width, height).map_err(|error| drawing(error.to_string()))?;
+    save(&folder.join(format!("{stem}.png")), &png)
+}
+
+fn draw_on<B: DrawingBackend>(chart: &impl Chart, area: &Canvas<B>) -> Drawn<B> {
+    area.fill(&WHITE)?;
+    chart.draw(area)?;
+    area.present()
+}
+
+fn encoded(pixels: &[u8], width: u32, height: u32) -> Result<Vec<u8>, png::EncodingError> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, width, height);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.write_header()?.write_image_data(pixels)?;
+    Ok(bytes)
+}
+
+fn save(path: &Path, bytes: &[u8]) -> Result<(), ChartError> {
+    std::fs::write(path, bytes).map_err(|source| ChartError::Io {
+        path: path.to_owned(),
+        source,
+    })
+}
+
+/// Makes the bundled font known, once.
+fn font() -> Result<(), &'static str> {
+    static REGISTERED: OnceLock<bool> = OnceLock::new();
+    let done = REGISTERED.get_or_init(|| {
+        register_font(
+            FAMILY,
+            FontStyle::Normal,
+            epaint_default_fonts::UBUNTU_LIGHT,
+        )
+        .is_ok()
+    });
+    if *done {
+        Ok(())
+    } else {
+        Err("the bundled font is not a font")
+    }
+}
+
+/// Where a text's corner or middle stands relative to its point.
+pub(super) use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+/// A text style: size in pixels, color, anchor.
+pub(super) fn text(
+    size: u32,
+    color: RGBColor,
+    horizontal: HPos,
+    vertical: VPos,
+) -> TextStyle<'static> {
+    (FAMILY, size)
+        .into_font()
+        .color(&color)
+        .pos(Pos::new(horizontal, vertical))
+}
+
+/// A text drawn twice, half a pixel's width apart, so that the light face reads as a heading.
+pub(super) fn heading<B: DrawingBackend>(
+    area: &Canvas<B>,
+    content: &str,
+    size: u32,
+    at: (i32, i32),
+) -> Drawn<B> {
+    let style = text(size, INK, HPos::Left, VPos::Top);
+    area.draw_text(content, &style, at)
+}
+
+/// Eight colors that stay apart for color-blind eyes (Okabe & Ito 2008), one per row.
+pub(super) fn row_color(row: u8) -> RGBColor {
+    const COLORS: [RGBColor; 8] = [
+        RGBColor(0x00, 0x00, 0x00),
+        RGBColor(0xe6, 0x9f, 0x00),
+        RGBColor(0x00, 0x72, 0xb2),
+        RGBColor(0xd5, 0x5e, 0x00),
+        RGBColor(0xcc, 0x79, 0xa7),
+        RGBColor(0x56, 0xb4, 0xe9),
+        RGBColor(0xf0, 0xe4, 0x42),
+        RGBColor(0x00, 0x9e, 0x73),
+    ];
+    COLORS[usize::from(row.saturating_sub(1)) % COLORS.len()]
+}
+
+/// Viridis (van der Walt & Smith 2015) at `share` in [0, 1]: dark = low, bright = high.
+pub(super) fn viridis(share: f64) -> RGBColor {
+    const STOPS: [[f64; 3]; 9] = [
+        [68.0, 1.0, 84.0],
+        [71.0, 44.0, 122.0],
+        [59.0, 81.0, 139.0],
+        [44.0, 113.0, 142.0],
+        [33.0, 144.0, 141.0],
+        [39.0, 173.0, 129.0],
+        [92.0, 200.0, 99.0],
+        [170.0, 220.0, 50.0],
+        [253.0, 231.0, 37.0],
+    ];
+    let place = share.clamp(0.0, 1.0) * (STOPS.len() - 1) as f64;
+    let below = (place as usize).min(STOPS.len() - 2);
+    let [red, green, blue] = std::array::from_fn(|channel| {
+        let (low, high) = (STOPS[below][channel], STOPS[below + 1][channel]);
+        (low + (high - low) * (place - below as f64)).round() as u8
+    });
+    RGBColor(red, green, blue)
+}

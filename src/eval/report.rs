@@ -1,0 +1,278 @@
+//! What an evaluation found: one report over captures, rows (methods) and lights.
+
+use super::cost::Cost;
+use super::light_error::{Decibel, LightError};
+use super::regions::RegionError;
+use super::shadow_error::ShadowError;
+use super::surface_error::{NormalError, RoughnessError};
+use serde::Serialize;
+
+/// Everything one run of `eval` measured.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Report {
+    /// Version of this layout.
+    pub format: u32,
+    /// How the numbers were made, in words.
+    pub protocol: Vec<String>,
+    /// Where they were made.
+    pub machine: Machine,
+    /// One entry per capture.
+    pub captures: Vec<CaptureReport>,
+    /// The rows of `evaluation.md`, those that are missing too, averaged over captures.
+    pub rows: Vec<RowSummary>,
+}
+
+/// The machine behind the milliseconds.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Machine {
+    /// Processor architecture and system, e.g. `x86_64-linux`.
+    pub target: String,
+    /// Threads the data-parallel loops ran on.
+    pub threads: usize,
+    /// False when the program was built without optimisation's last step, so that its
+    /// milliseconds only compare with each other.
+    pub release_build: bool,
+}
+
+/// Where the true cast shadows come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ShadowTruth {
+    /// `shadow_NNN.png` in the capture folder.
+    Given,
+    /// Photographs far darker than a matte surface facing the lamp would be.
+    Derived,
+    /// There is none.
+    Absent,
+}
+
+/// One capture's results.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CaptureReport {
+    /// Name of its folder.
+    pub name: String,
+    /// Pixels per row.
+    pub width: usize,
+    /// Rows of pixels.
+    pub height: usize,
+    /// Pixels inside the mask.
+    pub counted_pixels: usize,
+    /// False when every row was compared after its best global scale.
+    pub scale_known: bool,
+    /// What the true pictures were multiplied by so that white is 1; 1 where the scale is known.
+    pub truth_exposure: f64,
+    /// Where the true cast shadows come from.
+    pub shadow_truth: ShadowTruth,
+    /// Milliseconds per stage of the road from shot to scene, in their order.
+    pub stages: Vec<StageCost>,
+    /// The scene against the truth.
+    pub scene: SceneReport,
+    /// The rows that could be run.
+    pub rows: Vec<RowReport>,
+    /// What could not be measured on this capture, and why.
+    pub remarks: Vec<String>,
+}
+
+/// What one stage of the road cost.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct StageCost {
+    /// The stage's name.
+    pub stage: String,
+    /// Its time.
+    pub cost: Cost,
+}
+
+/// Estimated surfaces against true ones; `None` where the capture has no such truth.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct SceneReport {
+    /// Diffuse albedo.
+    pub albedo: Option<LightError>,
+    /// What albedo was multiplied by before comparing; 1 where the scale is known.
+    pub albedo_scale: f64,
+    /// Normals.
+    pub normal: Option<NormalError>,
+    /// Roughness.
+    pub roughness: Option<RoughnessError>,
+}
+
+/// One method on one capture.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RowReport {
+    /// Its number in `evaluation.md`.
+    pub row: u8,
+    /// Its name.
+    pub name: String,
+    /// The one factor, over all lights, that its pictures were multiplied by.
+    pub scale: f64,
+    /// Means over the lights.
+    pub mean: MeanError,
+    /// The light of lowest PSNR in linear light.
+    pub worst: WorstLight,
+    /// Shadows over all lights together.
+    pub shadow: Option<ShadowError>,
+    /// By region, pooled over the lights.
+    pub regions: Vec<RegionError>,
+    /// One picture under one new light.
+    pub relight: Option<Cost>,
+    /// By light.
+    pub lights: Vec<LightReport>,
+}
+
+/// Means over lights (or, in [`RowSummary`], over captures of those means).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct MeanError {
+    /// Of [`LightError::linear_mse`].
+    pub linear_mse: f64,
+    /// Of [`LightError::linear_psnr_db`].
+    pub linear_psnr_db: Decibel,
+    /// Of [`LightError::srgb_mse`].
+    pub srgb_mse: f64,
+    /// Of [`LightError::srgb_psnr_db`].
+    pub srgb_psnr_db: Decibel,
+    /// Of [`LightError::srgb_ssim`], over the pictures that have one.
+    pub srgb_ssim: Option<f64>,
+    /// Of [`LightError::scale_invariant_mse`].
+    pub scale_invariant_mse: f64,
+    /// Fraction of the pixels with a truth that were answered.
+    pub answered_fraction: f64,
+}
+
+impl MeanError {
+    /// The mean over pictures; `None` without one.
+    pub(super) fn of_lights<'a>(
+        lights: impl Iterator<Item = &'a LightError> + Clone,
+    ) -> Option<Self> {
+        let answered: usize = lights.clone().map(|light| light.pixels).sum();
+        let unanswered: usize = lights.clone().map(|light| light.unanswered).sum();
+        Some(Self {
+            linear_mse: mean(lights.clone().map(|light| light.linear_mse))?,
+            linear_psnr_db: Decibel(mean(lights.clone().map(|light| light.linear_psnr_db.0))?),
+            srgb_mse: mean(lights.clone().map(|light| light.srgb_mse))?,
+            srgb_psnr_db: Decibel(mean(lights.clone().map(|light| light.srgb_psnr_db.0))?),
+            srgb_ssim: mean(lights.clone().filter_map(|light| light.srgb_ssim)),
+            scale_invariant_mse: mean(lights.map(|light| light.scale_invariant_mse))?,
+            answered_fraction: answered as f64 / (answered + unanswered).max(1) as f64,
+        })
+    }
+
+    /// The mean of means; `None` without one.
+    fn of_captures<'a>(captures: impl Iterator<Item = &'a Self> + Clone) -> Option<Self> {
+        Some(Self {
+            linear_mse: mean(captures.clone().map(|one| one.linear_mse))?,
+            linear_psnr_db: Decibel(mean(captures.clone().map(|one| one.linear_psnr_db.0))?),
+            srgb_mse: mean(captures.clone().map(|one| one.srgb_mse))?,
+            srgb_psnr_db: Decibel(mean(captures.clone().map(|one| one.srgb_psnr_db.0))?),
+            srgb_ssim: mean(captures.clone().filter_map(|one| one.srgb_ssim)),
+            scale_invariant_mse: mean(captures.clone().map(|one| one.scale_invariant_mse))?,
+            answered_fraction: mean(captures.map(|one| one.answered_fraction))?,
+        })
+    }
+}
+
+/// Arithmetic mean; `None` without a value.
+fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (sum, number) = values.fold((0.0, 0_usize), |(sum, number), value| {
+        (sum + value, number + 1)
+    });
+    (number > 0).then(|| sum / number as f64)
+}
+
+/// The light a method did worst under.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct WorstLight {
+    /// Index among the capture's lights.
+    pub light: usize,
+    /// Toward the light; x right, y up, z toward the camera.
+    pub direction: [f32; 3],
+    /// PSNR in linear light.
+    pub linear_psnr_db: Decibel,
+    /// PSNR in sRGB.
+    pub srgb_psnr_db: Decibel,
+}
+
+/// One method under one light.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct LightReport {
+    /// Index among the capture's lights.
+    pub light: usize,
+    /// Toward the light, unit length; x right, y up, z toward the camera.
+    pub direction: [f32; 3],
+    /// The picture's error.
+    pub error: LightError,
+    /// The shadow's error.
+    pub shadow: Option<ShadowError>,
+}
+
+impl LightReport {
+    /// Angle between the light and the camera's axis, degrees.
+    pub fn off_axis_degrees(&self) -> f64 {
+        let [x, y, z] = self.direction.map(f64::from);
+        x.hypot(y).atan2(z).to_degrees()
+    }
+}
+
+/// One row of the table that stands in every report.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RowSummary {
+    /// Its number in `evaluation.md`.
+    pub row: u8,
+    /// Its name.
+    pub name: String,
+    /// Its figures, or why there are none.
+    #[serde(flatten)]
+    pub figures: RowFigures,
+}
+
+/// A row's figures over all captures.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(tag = "status", rename_all = "snake_case")]
+pub enum RowFigures {
+    /// It was run.
+    Present {
+        /// Captures it was run on.
+        captures: usize,
+        /// Means over captures of the means over lights.
+        mean: MeanError,
+        /// Lowest PSNR in linear light over all captures and lights.
+        worst_linear_psnr_db: Decibel,
+        /// Mean over captures of the pooled shadow IoU, where there is shadow truth.
+        shadow_iou: Option<f64>,
+        /// Mean over captures of the shadow MSE, where there is shadow truth.
+        shadow_mse: Option<f64>,
+        /// Mean over captures of the median milliseconds per relit picture.
+        relight_ms: Option<f64>,
+    },
+    /// It was not run.
+    Missing {
+        /// Why.
+        reason: String,
+    },
+}
+
+impl RowFigures {
+    /// Averages one row's results over captures; missing when there is none.
+    pub(super) fn of(results: &[&RowReport]) -> Self {
+        let Some(mean_error) = MeanError::of_captures(results.iter().map(|row| &row.mean)) else {
+            return Self::Missing {
+                reason: "no capture has true relit pictures".to_owned(),
+            };
+        };
+        let worst = results
+            .iter()
+            .map(|row| row.worst.linear_psnr_db.0)
+            .fold(f64::INFINITY, f64::min);
+        let shadows = || results.iter().filter_map(|row| row.shadow);
+        Self::Present {
+            captures: results.len(),
+            mean: mean_error,
+            worst_linear_psnr_db: Decibel(worst),
+            shadow_iou: mean(shadows().filter_map(|shadow| shadow.iou)),
+            shadow_mse: mean(shadows().map(|shadow| shadow.mse)),
+            relight_ms: mean(
+                results
+                    .iter()
+                    .filter_map(|row| Some(row.relight?.median_ms)),
+            ),
+        }
+    }
+}
