@@ -1,4 +1,23 @@
 //! Light + depth → surfaces: normals, albedo, roughness, thickness, each with a confidence.
+//!
+//! With the flash at the lens, flash-only light × distance² / cosine is nearly the albedo, and the
+//! depth map is nearly the normals: everything here is closed form and linear in the pixels.
+
+mod albedo;
+mod confidence;
+mod edges;
+mod estimate;
+mod fill;
+mod karis;
+mod noise;
+mod normals;
+mod rays;
+mod roughness;
+mod smooth;
+mod thickness;
+
+pub use estimate::{SceneError, SceneOptions, estimate};
+pub use karis::{F0, ROUGHNESS_FLOOR, karis, karis_at_lens};
 
 use drivers::{Intrinsics, Plane};
 use glam::Vec3;

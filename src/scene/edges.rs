@@ -1,0 +1,120 @@
+//! Where one surface ends and another, farther one begins.
+
+use super::smooth::InverseDepth;
+use drivers::Plane;
+use rayon::prelude::*;
+
+/// Cuts between neighbouring pixels: depth jumps there, or is unknown on one side.
+#[derive(Debug, Clone)]
+pub(super) struct Edges {
+    /// Between (x, y) and (x + 1, y); true in the last column.
+    pub right: Plane<bool>,
+    /// Between (x, y) and (x, y + 1); true in the last row.
+    pub below: Plane<bool>,
+}
+
+/// Jumps smaller than so many pixel pitches are the surface's own relief.
+const RELIEF_PITCHES: f32 = 4.0;
+
+/// Jumps smaller than so many standard deviations are noise.
+const NOISE_SIGMAS: f32 = 4.0;
+
+/// Finds the cuts: the step between two pixels that neither side's own slope explains, above noise
+/// and relief. `focal_pixels` turns pixel pitches into relative depth.
+pub(super) fn edges(depth: &InverseDepth, focal_pixels: f32) -> Edges {
+    let (width, height) = depth.value.size();
+    let relief = RELIEF_PITCHES / focal_pixels;
+    let cuts = |dx: usize, dy: usize| {
+        let mut plane = Plane::filled(width, height, true);
+        plane
+            .samples_mut()
+            .par_chunks_mut(width.max(1))
+            .enumerate()
+            .for_each(|(y, row)| {
+                if y + dy >= height {
+                    return;
+                }
+                for x in 0..width - dx {
+                    let at = |i: isize| {
+                        let x = x.checked_add_signed(i * dx as isize);
+                        let y = y.checked_add_signed(i * dy as isize);
+                        x.zip(y)
+                            .and_then(|(x, y)| depth.value.get(x, y))
+                            .copied()
+                            .unwrap_or(f32::NAN)
+                    };
+                    let (here, there) = (at(0), at(1));
+                    let step = there - here;
+                    // `min` passes over NaN: a side without a slope explains nothing.
+                    let unexplained = step
+                        .abs()
+                        .min((step - (here - at(-1))).abs())
+                        .min((step - (at(2) - there)).abs());
+                    let noise = depth.variance[(x, y)]
+                        .max(depth.variance[(x + dx, y + dy)])
+                        .sqrt();
+                    let allowed = NOISE_SIGMAS * noise + relief * here.min(there);
+                    row[x] = step.is_nan() || unexplained > allowed;
+                }
+            });
+        plane
+    };
+    Edges {
+        right: cuts(1, 0),
+        below: cuts(0, 1),
+    }
+}
+
+impl Edges {
+    /// Which neighbours of (x, y) lie on its own surface: left, right, above, below.
+    pub fn open(&self, x: usize, y: usize) -> [bool; 4] {
+        [
+            x > 0 && !self.right[(x - 1, y)],
+            !self.right[(x, y)],
+            y > 0 && !self.below[(x, y - 1)],
+            !self.below[(x, y)],
+        ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn exact(value: Plane<f32>) -> InverseDepth {
+        let variance = value.map(|_| 1e-12);
+        InverseDepth { value, variance }
+    }
+
+    #[test]
+    fn a_step_is_cut_and_a_steep_plane_is_not() {
+        let steep = exact(Plane::from_fn(16, 4, |x, _| 1.0 / (0.5 + 0.05 * x as f32)));
+        let found = edges(&steep, 300.0);
+        assert!(
+            (0..15).all(|x| !found.right[(x, 1)]),
+            "a plane of 0.05 m per pixel was cut"
+        );
+
+        let step = exact(Plane::from_fn(
+            16,
+            4,
+            |x, _| if x < 8 { 1.0 } else { 1.0 / 1.2 },
+        ));
+        let found = edges(&step, 300.0);
+        assert_eq!(
+            (0..15).filter(|&x| found.right[(x, 1)]).collect::<Vec<_>>(),
+            [7]
+        );
+        assert!((0..3).all(|y| !found.below[(5, y)]));
+    }
+
+    #[test]
+    fn unknown_depth_is_cut_all_around() {
+        let hole = exact(Plane::from_fn(5, 5, |x, y| {
+            if (x, y) == (2, 2) { f32::NAN } else { 1.0 }
+        }));
+        let found = edges(&hole, 300.0);
+        assert_eq!(found.open(2, 2), [false; 4]);
+        assert_eq!(found.open(1, 2), [true, false, true, true]);
+    }
+}

@@ -1,0 +1,350 @@
+//! The stage: light + depth → [`Scene`].
+
+use super::{
+    Scene, albedo, confidence::confidence, edges::edges, noise::noise_ratio, normals::normals,
+    rays::rays, roughness::roughness, smooth, thickness::thickness,
+};
+use crate::{radiometry::FlashOnly, registration::RegisteredDepth};
+use drivers::{Intrinsics, Plane, Rig};
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+use thiserror::Error;
+
+/// What may be assumed about a scene.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SceneOptions {
+    /// Depth noise is taken this many times as large as found; 0 = do not smooth.
+    pub smoothing: f32,
+    /// Karis roughness in (0, 1] of surfaces that show no highlight.
+    pub default_roughness: f32,
+    /// Thickness of the thinnest surfaces, metres; > 0.
+    pub least_thickness_metres: f32,
+    /// Thickness of the thickest bodies that show an end, metres.
+    pub most_thickness_metres: f32,
+}
+
+impl Default for SceneOptions {
+    fn default() -> Self {
+        Self {
+            smoothing: 1.0,
+            default_roughness: 0.8,
+            least_thickness_metres: 0.01,
+            most_thickness_metres: 0.5,
+        }
+    }
+}
+
+/// Why no scene could be made.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum SceneError {
+    /// Planes that do not share one size.
+    #[error("{plane} is {}×{} but the flash light is {}×{}; bring both onto one grid", found.0, found.1, expected.0, expected.1)]
+    SizeMismatch {
+        /// Which plane.
+        plane: &'static str,
+        /// Its (width, height).
+        found: (usize, usize),
+        /// The flash light's (width, height).
+        expected: (usize, usize),
+    },
+    /// A picture without pixels.
+    #[error("the flash light has no pixels; give an image of at least 1×1")]
+    Empty,
+    /// The planes are no scaled version of the lens's grid.
+    #[error("planes of {}×{} do not have the shape of the color lens's {}×{}; scale both axes alike", grid.0, grid.1, lens.0, lens.1)]
+    Shape {
+        /// (width, height) of the planes.
+        grid: (usize, usize),
+        /// (width, height) of the lens.
+        lens: (usize, usize),
+    },
+    /// A number of the rig or the options outside its range.
+    #[error("{field} is {value}; it must be {range}")]
+    Range {
+        /// Name of the field.
+        field: &'static str,
+        /// What was given.
+        value: f64,
+        /// What is possible.
+        range: &'static str,
+    },
+}
+
+/// Works out what the photographed scene is made of.
+///
+/// All planes share one size: the color lens's, or a smaller working grid of the same shape.
+/// Smoothed depth, normals, albedo, roughness and thickness come back on that grid, in closed
+/// form and in time linear in the pixels.
+///
+/// # Errors
+/// [`SceneError::Empty`] and [`SceneError::SizeMismatch`] for planes that cannot be used together,
+/// [`SceneError::Shape`] when they are no scaled version of `rig.color`, [`SceneError::Range`] for
+/// a lens, flash or option that is out of range.
+pub fn estimate(
+    flash: &FlashOnly,
+    depth: &RegisteredDepth,
+    rig: &Rig,
+    options: &SceneOptions,
+) -> Result<Scene, SceneError> {
+    check_sizes(flash, depth)?;
+    check_ranges(rig, options)?;
+    let (width, height) = flash.light.0.size();
+    let camera = working_lens(&rig.color, width, height)?;
+    let focal = (0.5 * (camera.fx + camera.fy)) as f32;
+    let rays = rays(&camera);
+
+    let known = positive(&depth.metres);
+    let surface = smoothed(&known, &depth.sigma_metres, rig, focal, options.smoothing);
+    let depth_metres = surface.value.map(|w| 1.0 / w);
+    let depth_sigma_metres = sigma_of_depth(&surface);
+    let edges = edges(&surface, focal);
+    let normal = normals(&surface, &edges, &rays);
+    let normal_sigma = normal_sigma(&surface, focal);
+
+    let mut reflections = albedo::reflections(
+        &flash.light.0,
+        &flash.variance,
+        &depth_metres,
+        &normal,
+        &rays,
+        &rig.flash,
+    );
+    let scale_known = rig.flash.intensity.is_some();
+    if !scale_known {
+        let scale = albedo::plausible_scale(&reflections);
+        reflections.samples_mut().par_iter_mut().for_each(|r| {
+            r.value = r.value.map(|v| v * scale);
+            r.variance *= scale * scale;
+        });
+    }
+    let (roughness, _) = roughness(&reflections, options.default_roughness);
+    let (albedo, _) = albedo::albedo(&reflections, &roughness, &normal_sigma);
+    let thickness_metres = thickness(
+        &depth_metres,
+        &edges,
+        &rays,
+        options.least_thickness_metres,
+        options.most_thickness_metres,
+    );
+    let confidence = confidence(
+        &reflections,
+        &depth_metres,
+        &depth_sigma_metres,
+        &depth.measured,
+    );
+    Ok(Scene {
+        camera,
+        depth_metres,
+        depth_sigma_metres,
+        thickness_metres,
+        normal,
+        albedo,
+        roughness,
+        confidence,
+        scale_known,
+    })
+}
+
+fn check_sizes(flash: &FlashOnly, depth: &RegisteredDepth) -> Result<(), SceneError> {
+    let expected = flash.light.0.size();
+    if flash.light.0.is_empty() {
+        return Err(SceneError::Empty);
+    }
+    let planes = [
+        ("the variance of the flash light", flash.variance.size()),
+        ("the depth", depth.metres.size()),
+        ("the depth's sigma", depth.sigma_metres.size()),
+        ("the mask of measured depth", depth.measured.size()),
+    ];
+    for (plane, found) in planes {
+        if found != expected {
+            return Err(SceneError::SizeMismatch {
+                plane,
+                found,
+                expected,
+            });
+        }
+    }
+    Ok(())
+}
+
+fn check_ranges(rig: &Rig, options: &SceneOptions) -> Result<(), SceneError> {
+    let positive = "finite and above 0";
+    let least = f64::from(options.least_thickness_metres);
+    let roughness = f64::from(options.default_roughness);
+    let smoothing = f64::from(options.smoothing);
+    let most = f64::from(options.most_thickness_metres);
+    let reach = rig.flash.position_metres.length();
+    let intensity = rig.flash.intensity.map_or(1.0, f64::from);
+    let usable = |value: f64| value.is_finite() && value > 0.0;
+    let checks = [
+        ("color.fx", rig.color.fx, usable(rig.color.fx), positive),
+        ("color.fy", rig.color.fy, usable(rig.color.fy), positive),
+        ("color.cx", rig.color.cx, rig.color.cx.is_finite(), "finite"),
+        ("color.cy", rig.color.cy, rig.color.cy.is_finite(), "finite"),
+        (
+            "the length of flash.position_metres",
+            reach,
+            reach.is_finite(),
+            "finite",
+        ),
+        ("flash.intensity", intensity, usable(intensity), positive),
+        ("least_thickness_metres", least, usable(least), positive),
+        (
+            "most_thickness_metres",
+            most,
+            most >= least,
+            "at least least_thickness_metres",
+        ),
+        (
+            "default_roughness",
+            roughness,
+            usable(roughness) && roughness <= 1.0,
+            "in (0, 1]",
+        ),
+        (
+            "smoothing",
+            smoothing,
+            smoothing.is_finite() && smoothing >= 0.0,
+            "finite and not negative",
+        ),
+    ];
+    match checks.into_iter().find(|&(_, _, holds, _)| !holds) {
+        Some((field, value, _, range)) => Err(SceneError::Range {
+            field,
+            value,
+            range,
+        }),
+        None => Ok(()),
+    }
+}
+
+/// The color lens on a grid of `width`×`height`.
+fn working_lens(lens: &Intrinsics, width: usize, height: usize) -> Result<Intrinsics, SceneError> {
+    // A whole number of pixels may be off by one on each axis.
+    let exact = width as f64 * lens.height as f64 / lens.width as f64;
+    let slack = 1.0 + lens.height as f64 / lens.width as f64;
+    if lens.width == 0 || lens.height == 0 || (exact - height as f64).abs() > slack {
+        return Err(SceneError::Shape {
+            grid: (width, height),
+            lens: lens.size(),
+        });
+    }
+    Ok(if lens.size() == (width, height) {
+        *lens
+    } else {
+        lens.scaled_to(width, height)
+    })
+}
+
+/// Depth that can stand in front of a camera; NaN for the rest.
+fn positive(metres: &Plane<f32>) -> Plane<f32> {
+    metres.map(|&z| {
+        if z > 0.0 && z.is_finite() {
+            z
+        } else {
+            f32::NAN
+        }
+    })
+}
+
+/// Sigma given to depth that comes without one, as a share of it.
+const UNSTATED_SIGMA: f32 = 0.002;
+
+/// 1/z smoothed by the sigma that the depth itself shows.
+fn smoothed(
+    metres: &Plane<f32>,
+    sigma_metres: &Plane<f32>,
+    rig: &Rig,
+    focal: f32,
+    smoothing: f32,
+) -> smooth::InverseDepth {
+    let value = metres.map(|z| 1.0 / z);
+    let (width, height) = metres.size();
+    let mut sigma = Plane::filled(width, height, f32::NAN);
+    sigma
+        .samples_mut()
+        .par_iter_mut()
+        .enumerate()
+        .for_each(|(i, sigma)| {
+            let (z, stated) = (metres.samples()[i], sigma_metres.samples()[i]);
+            let metres = if stated > 0.0 {
+                stated
+            } else {
+                UNSTATED_SIGMA * z
+            };
+            *sigma = metres / (z * z);
+        });
+    // A coarser depth grid smears its noise over as many pixels as it is coarser.
+    let coarseness = rig
+        .depth
+        .map_or(1.0, |depth| f64::from(focal) / depth.lens.fx)
+        .clamp(1.0, 16.0);
+    let steps: Vec<usize> = [1, 2, 4, 8, 16]
+        .into_iter()
+        .filter(|&step| step <= 2 || (step as f64) < 2.0 * coarseness)
+        .collect();
+    let ratio = smoothing * noise_ratio(&value, &sigma, &steps).unwrap_or(0.0);
+    // Never exactly certain: zero variance would make every comparison a division by zero.
+    sigma
+        .samples_mut()
+        .par_iter_mut()
+        .zip(value.samples())
+        .for_each(|(s, w)| {
+            *s = (*s * ratio).max(1e-6 * w);
+        });
+    let noise = median(
+        sigma
+            .samples()
+            .iter()
+            .zip(value.samples())
+            .map(|(s, w)| focal * s / w),
+    );
+    let variance = sigma.map(|s| s * s);
+    smooth::smooth(
+        smooth::InverseDepth { value, variance },
+        smooth::levels_for(noise),
+    )
+}
+
+/// Median of the numbers that are none NaN, from a sample of them; NaN without any.
+fn median(numbers: impl ExactSizeIterator<Item = f32>) -> f32 {
+    let stride = numbers.len().div_ceil(60_000).max(1);
+    let mut kept: Vec<f32> = numbers.step_by(stride).filter(|n| !n.is_nan()).collect();
+    if kept.is_empty() {
+        return f32::NAN;
+    }
+    let middle = kept.len() / 2;
+    *kept.select_nth_unstable_by(middle, f32::total_cmp).1
+}
+
+/// Standard deviation of z from that of 1/z, metres.
+fn sigma_of_depth(surface: &smooth::InverseDepth) -> Plane<f32> {
+    let (width, height) = surface.value.size();
+    let mut sigma = Plane::filled(width, height, f32::NAN);
+    sigma
+        .samples_mut()
+        .par_iter_mut()
+        .enumerate()
+        .for_each(|(i, sigma)| {
+            let w = surface.value.samples()[i];
+            *sigma = surface.variance.samples()[i].sqrt() / (w * w);
+        });
+    sigma
+}
+
+/// Standard deviation of a normal's angle, radians: depth noise over the distance between the two
+/// pixels it is read from.
+fn normal_sigma(surface: &smooth::InverseDepth, focal: f32) -> Plane<f32> {
+    let (width, height) = surface.value.size();
+    let mut sigma = Plane::filled(width, height, f32::NAN);
+    sigma
+        .samples_mut()
+        .par_iter_mut()
+        .enumerate()
+        .for_each(|(i, sigma)| {
+            let relative = surface.variance.samples()[i].sqrt() / surface.value.samples()[i];
+            *sigma = (relative * focal / 2f32.sqrt()).min(1.0);
+        });
+    sigma
+}

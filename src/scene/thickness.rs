@@ -1,0 +1,141 @@
+//! How far surfaces reach back: the half of the shape that no camera saw.
+
+use super::edges::Edges;
+use drivers::Plane;
+use glam::Vec2;
+use rayon::prelude::*;
+
+/// Depth of a body as a share of its width, where its front is flat.
+const BOX_SHARE: f32 = 0.6;
+
+/// What a run of connected pixels along one image line tells about the body behind it.
+#[derive(Debug, Clone, Copy)]
+struct Run {
+    first: usize,
+    last: usize,
+    /// Does the body end here, in front of something farther?
+    ends: [bool; 2],
+}
+
+/// Metres of z behind every pixel; NaN where depth is unknown, +∞ for what shows no end (walls,
+/// floors).
+///
+/// Along a row or a column a body runs from one occluding edge to the other. Its front is mirrored
+/// at the depth of those edges (exact for balls and pipes); a front too flat for its width is given
+/// `BOX_SHARE` of that width instead. The thinner answer of row and column holds, between `least`
+/// and `most` metres.
+pub(super) fn thickness(
+    depth_metres: &Plane<f32>,
+    edges: &Edges,
+    rays: &Plane<Vec2>,
+    least: f32,
+    most: f32,
+) -> Plane<f32> {
+    let (width, height) = depth_metres.size();
+    let mut plane = Plane::filled(width, height, f32::INFINITY);
+    plane
+        .samples_mut()
+        .par_chunks_mut(width.max(1))
+        .enumerate()
+        .for_each(|(y, row)| {
+            let depth = |x: usize| depth_metres[(x, y)];
+            let ray = |x: usize| rays[(x, y)];
+            along(
+                width,
+                depth,
+                ray,
+                |x| edges.right[(x, y)],
+                |x, t| row[x] = t,
+            );
+        });
+    // Columns, turned so that each task owns one of them.
+    let mut columns = Plane::filled(height, width, f32::INFINITY);
+    columns
+        .samples_mut()
+        .par_chunks_mut(height.max(1))
+        .enumerate()
+        .for_each(|(x, column)| {
+            let depth = |y: usize| depth_metres[(x, y)];
+            let ray = |y: usize| rays[(x, y)];
+            along(
+                height,
+                depth,
+                ray,
+                |y| edges.below[(x, y)],
+                |y, t| column[y] = t,
+            );
+        });
+    plane
+        .samples_mut()
+        .par_chunks_mut(width.max(1))
+        .enumerate()
+        .for_each(|(y, row)| {
+            for (x, thickness) in row.iter_mut().enumerate() {
+                if depth_metres[(x, y)].is_nan() {
+                    *thickness = f32::NAN;
+                    continue;
+                }
+                let thinner = thickness.min(columns[(y, x)]);
+                *thickness = if thinner == f32::INFINITY {
+                    thinner
+                } else {
+                    thinner.clamp(least, most)
+                };
+            }
+        });
+    plane
+}
+
+/// Thickness along one line of `count` pixels.
+fn along(
+    count: usize,
+    depth: impl Fn(usize) -> f32,
+    ray: impl Fn(usize) -> Vec2,
+    cut_after: impl Fn(usize) -> bool,
+    mut set: impl FnMut(usize, f32),
+) {
+    let mut first = 0;
+    let mut starts_before = false;
+    for last in 0..count {
+        if last + 1 < count && !cut_after(last) {
+            continue;
+        }
+        // NaN compares false: beside the unknown no end is claimed.
+        let ends_before = last + 1 < count && depth(last) < depth(last + 1);
+        let run = Run {
+            first,
+            last,
+            ends: [starts_before, ends_before],
+        };
+        body(run, &depth, &ray, &mut set);
+        starts_before = last + 1 < count && depth(last + 1) < depth(last);
+        first = last + 1;
+    }
+}
+
+/// Thickness of one run.
+fn body(
+    run: Run,
+    depth: &impl Fn(usize) -> f32,
+    ray: &impl Fn(usize) -> Vec2,
+    set: &mut impl FnMut(usize, f32),
+) {
+    let Run { first, last, ends } = run;
+    // Edges of the silhouette; a run with one end is mirrored at that one.
+    let (z_first, z_last) = match ends {
+        [true, true] => (depth(first), depth(last)),
+        [true, false] => (depth(first), depth(first)),
+        [false, true] => (depth(last), depth(last)),
+        [false, false] => return,
+    };
+    let length = (last - first).max(1) as f32;
+    let edge = |i: usize| z_first + (z_last - z_first) * (i - first) as f32 / length;
+    let mirrored = |i: usize| 2.0 * (edge(i) - depth(i));
+    let bulge = (first..=last).map(mirrored).fold(0.0, f32::max);
+    // One pixel wide is as wide as a pixel.
+    let chord = 0.5 * (z_first + z_last) * ray(first).distance(ray(last)) * (length + 1.0) / length;
+    let flat = (BOX_SHARE * chord - bulge).max(0.0);
+    for i in first..=last {
+        set(i, mirrored(i).max(0.0) + flat);
+    }
+}
