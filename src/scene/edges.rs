@@ -88,11 +88,11 @@ mod tests {
 
     #[test]
     fn a_step_is_cut_and_a_steep_plane_is_not() {
-        let steep = exact(Plane::from_fn(16, 4, |x, _| 1.0 / (0.5 + 0.05 * x as f32)));
+        let steep = exact(Plane::from_fn(16, 4, |x, _| 2.0 - 0.1 * x as f32));
         let found = edges(&steep, 300.0);
         assert!(
             (0..15).all(|x| !found.right[(x, 1)]),
-            "a plane of 0.05 m per pixel was cut"
+            "a plane from 0.5 m to 2 m was cut"
         );
 
         let step = exact(Plane::from_fn(

@@ -38,7 +38,7 @@ pub fn karis(n_dot_l: f32, n_dot_v: f32, n_dot_h: f32, v_dot_h: f32, roughness: 
     let masking = |x: f32| 1.0 / (x * (1.0 - k) + k);
     let v_dot_h = v_dot_h.clamp(0.0, 1.0);
     let fresnel = F0 + (1.0 - F0) * ((-5.55473 * v_dot_h - 6.98316) * v_dot_h).exp2();
-    distribution * fresnel * masking(n_dot_l) * masking(n_dot_v) / 4.0
+    0.25 * distribution * fresnel * (masking(n_dot_l) * masking(n_dot_v))
 }
 
 /// `π f` for a lamp at the lens, where l = v = h: the highlight in units of albedo.
@@ -48,13 +48,9 @@ pub fn karis_at_lens(cosine: f32, roughness: f32) -> f32 {
     PI * karis(cosine, cosine, cosine, 1.0, roughness)
 }
 
-/// `f32::max` would turn NaN into the floor; unknown must stay unknown.
+/// `f32::clamp` keeps NaN where `min` and `max` would not: unknown must stay unknown.
 fn raised(roughness: f32) -> f32 {
-    if roughness < ROUGHNESS_FLOOR {
-        ROUGHNESS_FLOOR
-    } else {
-        roughness.min(1.0)
-    }
+    roughness.clamp(ROUGHNESS_FLOOR, 1.0)
 }
 
 #[cfg(test)]
@@ -105,9 +101,9 @@ mod tests {
         } in cases
         {
             let got = karis(l, v, h, vh, r);
-            // f32 against f64: a few roundings.
+            // 0.999 as f32 moves 1 − n·h by 3e-5 of itself, and the lobe goes with its square.
             assert!(
-                (got / expected - 1.0).abs() < 2e-5,
+                (got / expected - 1.0).abs() < 1e-4,
                 "{l} {v} {h} {vh} {r}: {got} ≠ {expected}"
             );
         }

@@ -5,7 +5,7 @@ use glam::{DVec2, Vec2};
 use rayon::prelude::*;
 
 /// Pixels between the points where a bent lens is inverted exactly.
-const KNOT_SPACING: usize = 16;
+const KNOT_SPACING: usize = 8;
 
 /// (x/z, y/z) of every pixel of `camera`; NaN outside the lens model's useful circle.
 ///
