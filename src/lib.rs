@@ -15,3 +15,5 @@ pub mod develop;
 pub mod output;
 pub mod folder;
 pub mod eval;
+pub mod config;
+pub mod api;
