@@ -5,6 +5,7 @@
 
 pub mod lamp;
 pub mod prepared;
+pub mod visibility;
 
 pub use lamp::{Lamp, LampError};
 pub use prepared::{Indirect, Prepared, RelightOptions, Relit, Shadows};

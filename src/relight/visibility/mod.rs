@@ -1,0 +1,23 @@
+//! Cast shadows by line sweep over slabs.
+//!
+//! Along the image line through the light's vanishing point all points lie in one plane with the
+//! light direction, so "what stands between this point and the lamp" is a one-dimensional
+//! question per line. Let `v = |P × L|` be the distance of a point P from the axis through the
+//! lens along L. Two points of one line are on one ray of light exactly when their `v` agree,
+//! and the one further out (away from the antisolar point) is nearer to the lamp. The surface
+//! seen at a pixel fills the ray from depth z to z + thickness, hence the interval
+//! `|r × L| · [z, z + thickness]`, r = (x/z, y/z, 1). A sweep from the lamp's side keeps the union
+//! of the intervals passed so far and compares each point against it: constant work per pixel,
+//! unlimited range.
+//!
+//! Line sweeps: Timonen, "Line-Sweep Ambient Obscurance" (2013); horizons: Max (1988). New here:
+//! perspective cameras, and intervals of finite thickness instead of one horizon.
+
+pub mod answers;
+pub mod lines;
+pub mod occluders;
+pub mod sweep;
+
+pub use answers::Answers;
+pub use occluders::Occluders;
+pub use sweep::{Swept, sweep};
