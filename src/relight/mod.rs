@@ -4,7 +4,10 @@
 //! answers for one lamp with one sweep over the depth map.
 
 pub mod lamp;
+mod pinhole;
 pub mod prepared;
+pub mod shading;
+mod surfaces;
 pub mod visibility;
 
 pub use lamp::{Lamp, LampError};

@@ -1,8 +1,15 @@
 //! Everything a light needs, computed once per scene, and the answer for one lamp.
 
-use super::lamp::Lamp;
+use super::{
+    lamp::Lamp,
+    pinhole::{Straightened, straighten},
+    shading::{ShaderLamp, shade_row},
+    surfaces::Surfaces,
+    visibility::{Answers, Occluders, sweep},
+};
 use crate::{radiometry::LinearImage, scene::Scene};
 use drivers::Plane;
+use rayon::prelude::*;
 
 /// Which cast shadows to compute.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -47,27 +54,186 @@ pub struct Relit {
     pub unseen_path_fraction: f32,
 }
 
+/// Share of the light a lit scene sends out that comes back to it as a constant.
+///
+/// The mean outgoing light of the visible surfaces times this is the indirect irradiance; what
+/// they send out elsewhere leaves the scene.
+const RETURNED_SHARE: f32 = 0.15;
+
+/// Every how many rows and columns the indirect light is estimated from.
+const SPARSE: usize = 12;
+
 /// A scene made ready for any number of lights.
 #[derive(Debug, Clone)]
 pub struct Prepared {
-    scene: Scene,
+    pub(super) width: usize,
+    pub(super) height: usize,
+    pub(super) surfaces: Surfaces,
+    pub(super) occluders: Occluders,
+    /// Present when the lens bends lines.
+    pub(super) straightened: Option<Plane<u32>>,
 }
 
 impl Prepared {
     /// Computes once what every light needs.
+    ///
+    /// # Panics
+    /// When the scene's planes differ in size: a bug of the caller.
     pub fn new(scene: &Scene) -> Self {
-        Self { scene: scene.clone() }
+        let (width, height) = scene.albedo.size();
+        assert_eq!(scene.camera.size(), (width, height));
+        let (occluders, straightened) = match straighten(scene) {
+            None => (
+                Occluders::new(
+                    scene.camera,
+                    &scene.depth_metres,
+                    &scene.thickness_metres,
+                    &scene.depth_sigma_metres,
+                ),
+                None,
+            ),
+            Some(Straightened { camera, planes: [metres, thickness, sigma], lookup }) => {
+                (Occluders::new(camera, &metres, &thickness, &sigma), Some(lookup))
+            }
+        };
+        Self { width, height, surfaces: Surfaces::new(scene), occluders, straightened }
+    }
+
+    /// `(width, height)` in pixels.
+    pub fn size(&self) -> (usize, usize) {
+        (self.width, self.height)
     }
 
     /// The scene under one lamp.
-    pub fn relight(&self, lamp: &Lamp, _options: RelightOptions) -> Relit {
-        let (width, height) = self.scene.albedo.size();
-        let light = Plane::from_fn(width, height, |x, y| {
-            let n_dot_l = self.scene.normal[(x, y)].dot(lamp.toward()).max(0.0);
-            let albedo = self.scene.albedo[(x, y)];
-            std::array::from_fn(|c| albedo[c] * n_dot_l * lamp.color[c])
-        });
-        let shadow = Plane::filled(width, height, 1.0);
-        Relit { light: LinearImage(light), shadow, unseen_path_fraction: 0.0 }
+    pub fn relight(&self, lamp: &Lamp, options: RelightOptions) -> Relit {
+        let mut light = Plane::filled(self.width, self.height, [0.0; 3]);
+        let mut shadow = Plane::filled(self.width, self.height, 0.0);
+        let unseen_path_fraction = self.relight_into(lamp, options, &mut light, &mut shadow);
+        Relit { light: LinearImage(light), shadow, unseen_path_fraction }
+    }
+
+    /// [`Self::relight`] into planes of the scene's size; returns the unseen path fraction.
+    ///
+    /// # Panics
+    /// When a plane has another size: a bug of the caller.
+    pub fn relight_into(
+        &self,
+        lamp: &Lamp,
+        options: RelightOptions,
+        light: &mut Plane<[f32; 3]>,
+        shadow: &mut Plane<f32>,
+    ) -> f32 {
+        assert_eq!(light.size(), self.size());
+        assert_eq!(shadow.size(), self.size());
+        if self.width * self.height == 0 {
+            return 0.0;
+        }
+        let mut shader =
+            ShaderLamp { toward: lamp.toward().to_array(), color: lamp.color, indirect: [0.0; 3] };
+        let swept =
+            (options.shadows != Shadows::None).then(|| sweep(&self.occluders, lamp.toward()));
+        let answers = swept.as_ref().map(|swept| Answers::new(swept, self.width));
+        let source = Source::new(self, answers.as_ref());
+        let hard = options.shadows == Shadows::Hard;
+        if options.indirect == Indirect::Constant {
+            shader.indirect = self.returned_light(&shader, &source);
+        }
+        let unseen: usize = light
+            .samples_mut()
+            .par_chunks_mut(self.width)
+            .zip(shadow.samples_mut().par_chunks_mut(self.width))
+            .with_min_len(8)
+            .enumerate()
+            .map_init(
+                || vec![0.0f32; self.width],
+                |level, (y, (light, shadow))| {
+                    let unseen = source.row(y, shadow);
+                    if hard {
+                        for value in shadow.iter_mut() {
+                            *value = if *value > 0.5 { 1.0 } else { 0.0 };
+                        }
+                    }
+                    let surface = self.surfaces.row(y, level);
+                    pulp::Arch::new().dispatch(
+                        #[inline(always)]
+                        || shade_row(&surface, &shader, shadow, light),
+                    );
+                    unseen
+                },
+            )
+            .sum();
+        unseen as f32 / (self.width * self.height) as f32
+    }
+
+    /// Irradiance of the light that comes back to the scene, from a sparse look at it.
+    fn returned_light(&self, shader: &ShaderLamp, source: &Source<'_>) -> [f32; 3] {
+        let rows: Vec<usize> = (SPARSE / 2..self.height).step_by(SPARSE).collect();
+        let sums = rows
+            .par_iter()
+            .map_init(
+                || (vec![0.0f32; self.width], vec![0.0f32; self.width], vec![[0.0; 3]; self.width]),
+                |(level, visibility, out), &y| {
+                    source.row(y, visibility);
+                    let surface = self.surfaces.row(y, level);
+                    shade_row(&surface, shader, visibility, out);
+                    let mut sum = [0.0f64; 4];
+                    for pixel in out.iter().step_by(SPARSE).filter(|pixel| pixel[0].is_finite()) {
+                        for (sum, value) in sum.iter_mut().zip(pixel) {
+                            *sum += f64::from(*value);
+                        }
+                        sum[3] += 1.0;
+                    }
+                    sum
+                },
+            )
+            .reduce(|| [0.0; 4], |a, b| std::array::from_fn(|i| a[i] + b[i]));
+        std::array::from_fn(|c| (sums[c] / sums[3].max(1.0)) as f32 * RETURNED_SHARE)
+    }
+}
+
+/// Where a row's visibility comes from.
+enum Source<'a> {
+    /// No cast shadows.
+    AllLit,
+    /// Straight from the lines.
+    Lines(&'a Answers<'a>),
+    /// From a pinhole grid, through a lookup.
+    Straightened { visibility: Plane<f32>, unseen: usize, lookup: &'a Plane<u32> },
+}
+
+impl<'a> Source<'a> {
+    fn new(prepared: &'a Prepared, answers: Option<&'a Answers<'a>>) -> Self {
+        match (answers, &prepared.straightened) {
+            (None, _) => Self::AllLit,
+            (Some(answers), None) => Self::Lines(answers),
+            (Some(answers), Some(lookup)) => {
+                let mut visibility = Plane::filled(prepared.width, prepared.height, 1.0);
+                let unseen = visibility
+                    .samples_mut()
+                    .par_chunks_mut(prepared.width)
+                    .enumerate()
+                    .map(|(y, row)| answers.row(y, row))
+                    .sum();
+                Self::Straightened { visibility, unseen, lookup }
+            }
+        }
+    }
+
+    /// Visibility of row `y`; returns the count of lit pixels with an unseen path.
+    fn row(&self, y: usize, out: &mut [f32]) -> usize {
+        match self {
+            Self::AllLit => {
+                out.fill(1.0);
+                0
+            }
+            Self::Lines(answers) => answers.row(y, out),
+            Self::Straightened { visibility, unseen, lookup } => {
+                for (out, &index) in out.iter_mut().zip(lookup.row(y)) {
+                    *out = visibility.samples().get(index as usize).copied().unwrap_or(1.0);
+                }
+                // Counted once for the whole picture.
+                if y == 0 { *unseen } else { 0 }
+            }
+        }
     }
 }
