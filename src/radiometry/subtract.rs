@@ -1,6 +1,6 @@
 //! A shot's color frames → the light of the flash alone.
 
-use super::align::AlignmentOutcome;
+use super::align::{self, AlignmentOutcome};
 use super::levels::Levels;
 use super::noise::Grid;
 use super::warp::{Resampled, Warp, resample_row};
@@ -165,7 +165,7 @@ pub fn subtract(
     let (warp, outcome) =
         alignment.unwrap_or((Warp::identity(width, height), AlignmentOutcome::NotNeeded));
     let report = SubtractionReport {
-        shift_pixels: warp.shift(),
+        shift_pixels: warp.shift().map(|shift| 0.0 - shift),
         corner_shift_pixels: warp.corner_shift(),
         alignment: outcome,
         clipped_fraction: clipped as f32 / pixels,
@@ -231,7 +231,12 @@ impl Room {
         let light = linearise(frame)?;
         let scatter = Scatter::of(frame, &light, options)?;
         let (width, height) = light.0.size();
-        let (warp, outcome) = (Warp::identity(width, height), AlignmentOutcome::NotAsked);
+        let (warp, outcome) = if options.align {
+            let found = align::align(flash_light, &light);
+            (found.warp, found.outcome)
+        } else {
+            (Warp::identity(width, height), AlignmentOutcome::NotAsked)
+        };
         // Light of this frame times `scale` is the room's light in the flash frame.
         let stated = flash.exposure.factor() / frame.exposure.factor();
         let scale = if options.estimate_exposure {

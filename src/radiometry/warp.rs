@@ -50,6 +50,15 @@ impl Warp {
         }
     }
 
+    /// Another motion of the same picture.
+    #[must_use]
+    pub(super) fn with(&self, parameters: [f64; 8]) -> Self {
+        Self {
+            parameters,
+            ..*self
+        }
+    }
+
     /// Whether it moves nothing.
     pub fn is_identity(&self) -> bool {
         self.parameters == [0.0; 8]
@@ -181,7 +190,7 @@ fn linear(image: &LinearImage, ix: usize, iy: usize, fx: f32, fy: f32) -> Resamp
 }
 
 /// Weights of the four samples around a position `t` of the way from the second to the third.
-fn keys(t: f32) -> [f32; 4] {
+pub(super) fn keys(t: f32) -> [f32; 4] {
     let (t2, t3) = (t * t, t * t * t);
     [
         -0.5 * t3 + t2 - 0.5 * t,
