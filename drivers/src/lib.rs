@@ -3,10 +3,19 @@
 //! The first four modules are vocabulary. The drivers below them use the vocabulary and never
 //! each other; this crate is the only place in the project where `unsafe` may live.
 
+mod address;
+pub mod admission;
 pub mod calibration;
+pub mod chance;
+pub mod contract;
 pub mod device;
+pub mod flaky;
 pub mod frame;
+pub mod open;
 pub mod plane;
+pub mod recording;
+pub mod replay;
+pub mod synthetic;
 
 pub use calibration::{DepthCamera, Distortion, FlashLamp, Intrinsics, Rig, RigidTransform};
 pub use device::{Device, DeviceInfo, DriverError, Settings, Stream};
@@ -14,4 +23,5 @@ pub use frame::{
     BayerPattern, ColorFrame, DepthFrame, Exposure, Frame, Illumination, Pixels, Timestamp,
     Transfer,
 };
+pub use open::{list, open};
 pub use plane::{Plane, SizeMismatch};

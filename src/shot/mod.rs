@@ -1,5 +1,12 @@
 //! Frames → [`Shot`]: a flash frame, the ambient frames around it and a depth frame of one moment.
 
+mod assembler;
+mod drops;
+mod evidence;
+
+pub use assembler::{Assembler, Limits};
+pub use drops::DropCounts;
+
 use drivers::{ColorFrame, DepthFrame, Plane, Rig};
 
 /// Everything one picture is made from.
