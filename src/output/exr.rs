@@ -4,7 +4,6 @@
 //! resolves; [`Precision::for_light`] takes them where the values fit their range and full floats
 //! elsewhere. Distances are always full floats.
 
-use crate::radiometry::LinearImage;
 use ::exr::{
     block::{UncompressedBlock, enumerate_ordered_header_block_indices, writer::ChunksWriter as _},
     meta::{
@@ -48,9 +47,8 @@ pub enum Precision {
 
 impl Precision {
     /// Half floats where the picture's brightest value lies within their comfortable range.
-    pub fn for_light(image: &LinearImage) -> Self {
-        let brightest = image
-            .0
+    pub fn for_light(light: &Plane<[f32; 3]>) -> Self {
+        let brightest = light
             .samples()
             .par_iter()
             .map(|rgb| {

@@ -2,9 +2,15 @@
 
 pub mod commit;
 pub mod exr;
+pub mod label;
+pub mod manifest;
 pub mod png;
+mod results;
+pub mod sheet;
 pub mod tone;
 
 pub use commit::{CommitError, Disk, Existing, FileEntry, FileSystem, Staging};
 pub use exr::{EncodeError, Precision};
+pub use manifest::{LightEntry, Manifest, ManifestError};
+pub use results::{OutputError, RelitView, Results, write};
 pub use tone::Tone;

@@ -1,6 +1,6 @@
 //! Scene-linear light → display sRGB: which light becomes white.
 
-use crate::radiometry::LinearImage;
+use drivers::Plane;
 
 /// Steps of the encoding table; at sRGB's steepest (12.92) one step is 0.05 of an 8-bit code.
 const TABLE: usize = 1 << 16;
@@ -39,13 +39,13 @@ impl Tone {
     /// For pictures right up to one global scale: the light that 99 % of all known pixels of all
     /// `images` together stay below (brightest of three channels) becomes white. One scale for all
     /// of them, so that they can be compared.
-    pub fn robust<'a>(images: impl IntoIterator<Item = &'a LinearImage>) -> Self {
-        let images: Vec<&LinearImage> = images.into_iter().collect();
-        let pixels: usize = images.iter().map(|image| image.0.len()).sum();
+    pub fn robust<'a>(images: impl IntoIterator<Item = &'a Plane<[f32; 3]>>) -> Self {
+        let images: Vec<&Plane<[f32; 3]>> = images.into_iter().collect();
+        let pixels: usize = images.iter().map(|image| image.len()).sum();
         let stride = pixels.div_ceil(SAMPLED).max(1);
         let mut brightest: Vec<f32> = images
             .iter()
-            .flat_map(|image| image.0.samples().iter().step_by(stride))
+            .flat_map(|image| image.samples().iter().step_by(stride))
             .map(|rgb| rgb[0].max(rgb[1]).max(rgb[2]))
             .filter(|value| value.is_finite())
             .collect();
