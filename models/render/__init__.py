@@ -1,0 +1,1 @@
+"""Scene generator and path tracer that write capture folders with truth."""

@@ -1,0 +1,175 @@
+"""What the renderer claims, checked against forms written down separately: `pytest models/render`."""
+
+import os
+
+import numpy as np
+import pytest
+
+os.environ.setdefault("DRJIT_LIBLLVM_PATH", "/usr/lib/x86_64-linux-gnu/libLLVM.so.19.1")
+mi = pytest.importorskip("mitsuba")
+mi.set_variant("llvm_ad_rgb")
+
+import drjit as dr  # noqa: E402
+
+dr.set_thread_count(1)
+
+from . import tracer as tr  # noqa: E402
+from .scene import FLIP, SPLITS, Scene, scene  # noqa: E402
+from .textures import SIZE  # noqa: E402
+
+FLOATS = 2e-3  # relative: float32 through a dozen operations of a peaked function
+
+
+def plane_scene(albedo, rough, z=1.0, tilt=0.0, half=50.0, extra=None):
+    """A uniform plane through (0, 0, z), its normal tilted from the camera's axis about y."""
+    c, s = np.cos(tilt), np.sin(tilt)
+    a, b, n = np.array([c, 0, s]), np.array([0, 1.0, 0]), np.array([s, 0, -c])
+    at = lambda i, j: np.array([0, 0, z]) + half * (i * a + j * b)
+    corners = np.array([[at(-1, -1), at(1, -1), at(1, 1)], [at(-1, -1), at(1, 1), at(-1, 1)]])
+    if extra is not None:
+        corners = np.concatenate([corners, extra])
+        ns = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        normals = np.repeat((ns / np.linalg.norm(ns, axis=1, keepdims=True))[:, None], 3, 1)
+    else:
+        normals = np.broadcast_to(n, corners.shape)
+    tile = np.zeros((1, SIZE, SIZE, 6), np.float32)
+    tile[..., :3], tile[..., 3] = albedo, rough
+    return Scene(corners, normals, np.zeros((len(corners), 3, 2)), np.zeros(len(corners), int), tile, 50.0,
+                 np.zeros((0, 3)), np.zeros(3), {}, {}), n
+
+
+def karis(n, v, l, albedo, rough):
+    """paper.md's forms in float64 numpy: irradiance pi, so a facing white Lambertian gives 1."""
+    h = (v + l) / np.linalg.norm(v + l, axis=-1, keepdims=True)
+    dot = lambda a, b: np.sum(a * b, -1)
+    nl, nv, nh, vh = dot(n, l), dot(n, v), dot(n, h), dot(v, h)
+    alpha, k = rough**2, (rough + 1) ** 2 / 8
+    d = alpha**2 / (np.pi * (nh**2 * (alpha**2 - 1) + 1) ** 2)
+    g = (nl / (nl * (1 - k) + k)) * (nv / (nv * (1 - k) + k))
+    f = 0.05 + 0.95 * 2 ** ((-5.55473 * vh - 6.98316) * vh)
+    return (albedo / np.pi + d * f * g / (4 * nl * nv)) * nl * np.pi
+
+
+@pytest.mark.parametrize("rough", [0.1, 0.3, 0.6, 1.0])
+@pytest.mark.parametrize("light", [(0, 0, 1), (0.5, 0.3, 0.8), (-0.9, 0.2, 0.3)])
+def test_a_plane_under_a_directional_lamp_is_the_closed_form(rough, light):
+    light = np.array(light) / np.linalg.norm(light)
+    made, n = plane_scene(0.4, rough, tilt=0.3)
+    camera = tr.Camera(32, 50.0)
+    t, lamp = tr.Tracer(made), tr.Lamp(light * FLIP, False)
+    image = tr.direct(t, camera, [lamp], 1, np.random.default_rng(0))[0][0]
+    y, x = np.mgrid[:32, :32]
+    v = -np.stack([(x - camera.c) / camera.f, (y - camera.c) / camera.f, np.ones((32, 32))], -1)
+    v /= np.linalg.norm(v, axis=-1, keepdims=True)
+    wanted = karis(n, v, light * FLIP, 0.4, rough)
+    assert wanted.min() > 0.005
+    np.testing.assert_allclose(image[..., 0], wanted, rtol=FLOATS)
+
+
+def test_a_white_matte_patch_facing_the_flash_at_one_metre_is_one():
+    # what is left of the microfacet term at roughness 1 is known in closed form too
+    made, n = plane_scene(1.0, 1.0)
+    camera, t = tr.Camera(33, 50.0), tr.Tracer(made)
+    image = tr.direct(t, camera, [tr.Lamp([0, 0, 0], True)], 1, np.random.default_rng(0))[0][0]
+    v = np.array([0, 0, -1.0])
+    np.testing.assert_allclose(image[16, 16], 1.0 + karis(n, v, v, 0.0, 1.0), rtol=FLOATS)
+    assert image[16, 16, 0] < 1.02
+
+
+def test_a_plane_alone_has_no_indirect_light():
+    made, _ = plane_scene(0.9, 0.5)
+    more, _ = tr.indirect(tr.Tracer(made), tr.Camera(16, 50.0), [tr.Lamp([0, 0, -1], False)], 2, 3, np.random.default_rng(0))
+    assert more[0].max() == 0
+
+
+def test_indirect_light_in_a_corner_agrees_with_mitsubas_own_path_tracer():
+    # matte only (the microfacet term is ours alone): subtracting it isolates Lambert on both sides
+    wall = np.array([[[-1, -1, 1.5], [-1, 1, 1.5], [-1, 1, 0.2]], [[-1, -1, 1.5], [-1, 1, 0.2], [-1, -1, 0.2]]]) * [0.4, 3, 1]
+    made, _ = plane_scene(0.8, 1.0, z=1.5, half=3.0, extra=wall)
+    light = np.array([0.7, 0.1, 0.7]) / np.linalg.norm([0.7, 0.1, 0.7])
+    camera, t, lamp = tr.Camera(16, 50.0), tr.Tracer(made), tr.Lamp(light * FLIP, False)
+    keep, tr.specular = tr.specular, lambda n, v, l, rough: 0.0
+    try:
+        rng = np.random.default_rng(1)
+        ours = tr.direct(t, camera, [lamp], 8, rng)[0][0] + tr.indirect(t, camera, [lamp], 24, 2, rng)[0][0]
+    finally:
+        tr.specular = keep
+    material = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.8}}}
+    mesh = mi.Mesh("m", 3 * len(made.corners), len(made.corners), props=_with(material))
+    p = mi.traverse(mesh)
+    p["vertex_positions"], p["faces"] = mi.Float(made.corners.astype(np.float32).ravel()), dr.arange(mi.UInt32, 3 * len(made.corners))
+    p.update()
+    reference = mi.load_dict({
+        "type": "scene", "mesh": mesh, "integrator": {"type": "path", "max_depth": 4, "rr_depth": 100},
+        "sun": {"type": "directional", "direction": list(-light * FLIP), "irradiance": {"type": "rgb", "value": np.pi}},
+        "sensor": {"type": "perspective", "fov": 50.0, "near_clip": 0.001, "to_world": mi.ScalarTransform4f().look_at([0, 0, 0], [0, 0, 1], [0, -1, 0]),
+                   "film": {"type": "hdrfilm", "width": 16, "height": 16, "rfilter": {"type": "box"}, "pixel_format": "rgb"}},
+    })
+    theirs = np.array(mi.render(reference, spp=1024, seed=3))
+    assert np.mean(theirs) > 0.2
+    np.testing.assert_allclose(ours.mean(), theirs.mean(), rtol=0.01)  # Monte Carlo noise of the mean, some 0.3 %
+    assert np.mean((ours - theirs) ** 2) < 2e-3  # pixels cut by the wall's edge are sampled differently
+
+
+def _with(material):
+    properties = mi.Properties()
+    properties["bsdf"] = mi.load_dict(material)
+    return properties
+
+
+def test_the_second_bounce_of_a_white_furnace_keeps_its_energy():
+    # under a uniform sky a matte plane of albedo a, seen over one bounce, has radiance a times the sky (plus its gloss)
+    made, _ = plane_scene(0.5, 1.0, half=1e3)
+    sky = {"up": np.array([0, 0, -1.0]), "sky": np.ones(3), "ground": np.ones(3)}
+    keep, tr.specular = tr.specular, lambda n, v, l, rough: 0.0
+    try:
+        _, seen = tr.indirect(tr.Tracer(made), tr.Camera(16, 30.0), [], 16, 1, np.random.default_rng(0), sky)
+    finally:
+        tr.specular = keep
+    np.testing.assert_allclose(seen.mean(), 0.5, rtol=0.01)
+
+
+def test_a_box_in_front_of_a_wall_casts_its_shadow_away_from_the_lamp():
+    square = np.array([[[-1, -1, 0], [1, -1, 0], [1, 1, 0]], [[-1, -1, 0], [1, 1, 0], [-1, 1, 0]]]) * 0.1 + [0, 0, 1.0]
+    made, _ = plane_scene(0.5, 1.0, z=1.5, extra=square)
+    camera, t = tr.Camera(64, 50.0), tr.Tracer(made)
+    for light, dark, bright in [((1, 0, 1), (32, 12), (32, 52)), ((0, 1, 1), (52, 32), (12, 32))]:
+        lamp = tr.Lamp(np.array(light) / np.sqrt(2) * FLIP, False)
+        h = t.hit(mi.Point3f(0), camera.rays(1, np.random.default_rng(0)))
+        seen = t.visible(h, lamp).numpy().reshape(64, 64)
+        rows, columns = np.nonzero(~seen)
+        assert len(rows) > 20
+        centre = np.array([rows.mean(), columns.mean()])
+        assert np.linalg.norm(centre - dark) < np.linalg.norm(centre - bright)
+
+
+@pytest.mark.parametrize("offset", [0.0, 1.0])
+def test_relief_tilts_the_normal_by_its_slope_and_mirrors_with_the_tile(offset):
+    # a height that grows with u, and u with the picture's x: the surface leans toward -x; mirrored tiles lean back
+    made, _ = plane_scene(0.5, 1.0)
+    made.tiles[..., 4] = 0.5
+    made.uv = made.corners[..., :2] / 100 + 0.5 + offset
+    t, camera = tr.Tracer(made), tr.Camera(8, 20.0)
+    h = t.hit(mi.Point3f(0), camera.rays(1, np.random.default_rng(0)))
+    wanted = np.array([-0.5 * (1 if offset == 0 else -1), 0, -1]) / np.sqrt(1.25)
+    np.testing.assert_allclose(camera.image(h.ns, 1), np.broadcast_to(wanted, (8, 8, 3)), atol=1e-5)
+
+
+def test_splits_share_no_shape_and_no_texture():
+    seen = {split: set() for split in SPLITS}
+    for split in SPLITS:
+        for index in range(2):
+            facts = scene(split, index, 1, 8).facts
+            seen[split] |= {o["shape"] for o in facts["objects"]} | set(facts["textures"])
+    assert all(len(s) > 10 for s in seen.values())
+    assert not (seen["train"] & seen["val"] or seen["train"] & seen["test"] or seen["val"] & seen["test"])
+
+
+def test_a_scene_is_a_function_of_its_numbers():
+    a, b = scene("val", 1, 5, 8), scene("val", 1, 5, 8)
+    assert np.array_equal(a.corners, b.corners) and np.array_equal(a.tiles, b.tiles) and np.array_equal(a.lights, b.lights)
+
+
+def test_lights_reach_large_angles_and_stay_in_the_hemisphere_toward_the_camera():
+    z = np.concatenate([scene("val", i, 2, 12).lights[:, 2] for i in range(2)])
+    assert z.min() >= np.cos(np.radians(80)) - 1e-9 and (z < np.cos(np.radians(60))).mean() > 0.2
