@@ -1,6 +1,8 @@
 //! Why a capture folder was not read.
 
 use super::decode::ImageError;
+use crate::output::CommitError;
+use drivers::DriverError;
 use std::path::PathBuf;
 use thiserror::Error;
 
@@ -56,4 +58,10 @@ pub enum FolderError {
         /// What to do.
         remedy: String,
     },
+    /// The folder could not be written whole, and so was not.
+    #[error(transparent)]
+    Commit(#[from] CommitError),
+    /// The recording could not be written.
+    #[error(transparent)]
+    Recording(#[from] DriverError),
 }

@@ -4,6 +4,7 @@ use super::{
     FolderError,
     decode::{Limits, Samples, decode_limited},
 };
+use crate::radiometry::transfer::srgb_decode;
 use drivers::{Pixels, Plane};
 use std::path::{Path, PathBuf};
 
@@ -170,7 +171,7 @@ pub(super) fn mask(path: &Path, size: (usize, usize)) -> Result<Plane<bool>, Fol
 
 /// A truth picture in linear light: 8-bit is sRGB, everything else linear already.
 pub(super) fn linear(path: &Path, size: (usize, usize)) -> Result<Plane<[f32; 3]>, FolderError> {
-    let eight: [f32; 256] = std::array::from_fn(|value| from_srgb(value as f32 / 255.0));
+    let eight: [f32; 256] = std::array::from_fn(|value| srgb_decode(value as f32 / 255.0));
     let sixteen = |value: u16| f32::from(value) / 65535.0;
     Ok(match samples(path, size)? {
         Samples::Gray8(plane) => plane.map(|&value| [eight[usize::from(value)]; 3]),
@@ -180,15 +181,6 @@ pub(super) fn linear(path: &Path, size: (usize, usize)) -> Result<Plane<[f32; 3]
         Samples::Rgb16(plane) => plane.map(|rgb| rgb.map(sixteen)),
         Samples::RgbF32(plane) => plane.map(|&rgb| finite(rgb)),
     })
-}
-
-/// IEC 61966-2-1, encoded value → light.
-fn from_srgb(value: f32) -> f32 {
-    if value <= 0.040_45 {
-        value / 12.92
-    } else {
-        ((value + 0.055) / 1.055).powf(2.4)
-    }
 }
 
 /// Three components in [−1, 1]: as written in EXR, (n+1)/2 in PNG.

@@ -3,12 +3,16 @@
 pub mod decode;
 mod error;
 mod images;
+mod import;
 mod toml;
 mod truth;
+mod write;
 
 pub use decode::{Decoded, ImageError, ImageKind, Limits, Samples, decode_limited};
 pub use error::FolderError;
+pub use import::{Imported, import, mask_beside, read_mask_beside, truth_beside};
 pub use truth::{Truth, TruthLight, read_truth};
+pub use write::{write, write_on};
 
 use self::toml::{CaptureToml, Declared};
 use crate::shot::Shot;

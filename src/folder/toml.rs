@@ -1,6 +1,7 @@
 //! `capture.toml` and `lights.toml`: their keys, and the rules a parser cannot know.
 
 use super::FolderError;
+use drivers::admission::MAX_SIDE;
 use drivers::{
     DepthCamera, Distortion, Exposure, FlashLamp, Intrinsics, Rig, RigidTransform, Transfer,
 };
@@ -10,8 +11,6 @@ use std::{io::Read as _, path::Path};
 
 /// Far more than any capture needs; a larger file is not one.
 const MAX_TOML_BYTES: u64 = 1 << 20;
-/// Largest side of a camera grid.
-const MAX_SIDE: usize = 16_384;
 /// How far a typed-in rotation may be from orthonormal before it is taken for a mistake.
 const ROTATION_TOLERANCE: f64 = 1e-3;
 

@@ -30,7 +30,7 @@ pub trait FileSystem {
     /// What the operating system says.
     fn sync_dir(&self, dir: &Path) -> io::Result<()>;
 
-    /// Renames a folder to a name that is free; `AlreadyExists` when it is not.
+    /// Renames a folder or file to a name that is free; `AlreadyExists` when it is not.
     ///
     /// # Errors
     /// What the operating system says.
@@ -87,7 +87,11 @@ impl FileSystem for Disk {
         match rustix::fs::renameat_with(cwd, from, cwd, to, RenameFlags::NOREPLACE) {
             // Not every file system knows the flag; claiming the name first is as exclusive.
             Err(Errno::INVAL | Errno::NOSYS | Errno::OPNOTSUPP) => {
-                std::fs::create_dir(to)?;
+                if from.is_dir() {
+                    std::fs::create_dir(to)?;
+                } else {
+                    std::fs::File::create_new(to)?;
+                }
                 std::fs::rename(from, to)
             }
             other => other.map_err(io::Error::from),

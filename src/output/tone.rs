@@ -1,5 +1,6 @@
 //! Scene-linear light → display sRGB: which light becomes white.
 
+use crate::radiometry::transfer::srgb_encode;
 use drivers::Plane;
 
 /// Steps of the encoding table; at sRGB's steepest (12.92) one step is 0.05 of an 8-bit code.
@@ -25,7 +26,7 @@ impl Tone {
             1.0
         };
         let table = (0..TABLE)
-            .map(|step| (to_srgb(step as f32 / (TABLE - 1) as f32) * 255.0).round() as u8)
+            .map(|step| (srgb_encode(step as f32 / (TABLE - 1) as f32) * 255.0).round() as u8)
             .collect();
         Self { white, table }
     }
@@ -73,14 +74,5 @@ impl Tone {
             let step = ((value * scale + 0.5) as usize).min(TABLE - 1);
             self.table[step]
         }))
-    }
-}
-
-/// IEC 61966-2-1, light in [0, 1] → encoded value.
-pub fn to_srgb(light: f32) -> f32 {
-    if light <= 0.003_130_8 {
-        light * 12.92
-    } else {
-        1.055 * light.powf(1.0 / 2.4) - 0.055
     }
 }

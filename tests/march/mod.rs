@@ -50,7 +50,10 @@ pub fn march(
             return true;
         }
         // Where the ray of light is when its image is at `at`: solve along the larger component.
-        let (rx, ry) = ((at.x - camera.cx) / camera.fx, (at.y - camera.cy) / camera.fy);
+        let (rx, ry) = (
+            (at.x - camera.cx) / camera.fx,
+            (at.y - camera.cy) / camera.fy,
+        );
         let s = if along.x.abs() > along.y.abs() {
             (rx * start.z - start.x) / (toward.x - rx * toward.z)
         } else {
@@ -86,15 +89,21 @@ fn slab(
     let nearest = (at.x.round() as usize, at.y.round() as usize);
     let here = f64::from(metres[nearest]);
     let (x0, y0) = (at.x.floor() as usize, at.y.floor() as usize);
-    let (x1, y1) = ((x0 + 1).min(metres.width() - 1), (y0 + 1).min(metres.height() - 1));
+    let (x1, y1) = (
+        (x0 + 1).min(metres.width() - 1),
+        (y0 + 1).min(metres.height() - 1),
+    );
     let (fx, fy) = (at.x - x0 as f64, at.y - y0 as f64);
     let corners = [(x0, y0), (x1, y0), (x0, y1), (x1, y1)].map(|c| f64::from(metres[c]));
-    let one_surface = corners.iter().all(|z| (z - here).abs() < 8.0 / focal * here);
+    let one_surface = corners
+        .iter()
+        .all(|z| (z - here).abs() < 8.0 / focal * here);
     let front = if one_surface {
         let [a, b, c, d] = corners.map(|z| 1.0 / z);
         1.0 / ((a * (1.0 - fx) + b * fx) * (1.0 - fy) + (c * (1.0 - fx) + d * fx) * fy)
     } else {
         here
     };
-    Some((front, front + f64::from(thickness_metres[nearest]))).filter(|(front, _)| front.is_finite())
+    Some((front, front + f64::from(thickness_metres[nearest])))
+        .filter(|(front, _)| front.is_finite())
 }

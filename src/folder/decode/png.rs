@@ -64,23 +64,23 @@ pub(super) fn decode<R: BufRead + Seek>(gate: &Gate<'_>, reader: R) -> Result<Sa
 
     let gray = channels < 3;
     let word = |bytes: &[u8]| u16::from_be_bytes([bytes[0], bytes[1]]);
-    match (depth, gray) {
+    let decoded = match (depth, gray) {
         (::png::BitDepth::Eight, true) => {
             let mut samples = Vec::with_capacity(width * height);
             each_row(&mut |row| samples.extend(row.chunks_exact(channels).map(|p| p[0])))?;
-            Ok(Samples::Gray8(gate.plane(size, samples)?))
+            Samples::Gray8(gate.plane(size, samples)?)
         }
         (::png::BitDepth::Eight, false) => {
             let mut samples = Vec::with_capacity(width * height);
             each_row(&mut |row| {
                 samples.extend(row.chunks_exact(channels).map(|p| [p[0], p[1], p[2]]));
             })?;
-            Ok(Samples::Rgb8(gate.plane(size, samples)?))
+            Samples::Rgb8(gate.plane(size, samples)?)
         }
         (::png::BitDepth::Sixteen, true) => {
             let mut samples = Vec::with_capacity(width * height);
             each_row(&mut |row| samples.extend(row.chunks_exact(2 * channels).map(word)))?;
-            Ok(Samples::Gray16(gate.plane(size, samples)?))
+            Samples::Gray16(gate.plane(size, samples)?)
         }
         (::png::BitDepth::Sixteen, false) => {
             let mut samples = Vec::with_capacity(width * height);
@@ -88,8 +88,13 @@ pub(super) fn decode<R: BufRead + Seek>(gate: &Gate<'_>, reader: R) -> Result<Sa
                 let pixels = row.chunks_exact(2 * channels);
                 samples.extend(pixels.map(|p| [word(p), word(&p[2..]), word(&p[4..])]));
             })?;
-            Ok(Samples::Rgb16(gate.plane(size, samples)?))
+            Samples::Rgb16(gate.plane(size, samples)?)
         }
-        _ => Err(gate.malformed(format!("PNG: bit depth {depth:?} was not expanded"))),
-    }
+        _ => {
+            return Err(gate.malformed(format!("PNG: bit depth {depth:?} was not expanded")));
+        }
+    };
+    // The checksums stand after the last row.
+    reader.finish().map_err(damaged)?;
+    Ok(decoded)
 }
