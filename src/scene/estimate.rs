@@ -6,7 +6,7 @@ use super::{
 };
 use crate::{radiometry::FlashOnly, registration::RegisteredDepth};
 use drivers::{Intrinsics, Plane, Rig};
-use glam::{Vec2, Vec3};
+
 use rayon::prelude::*;
 use thiserror::Error;
 

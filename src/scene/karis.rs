@@ -68,7 +68,7 @@ mod tests {
         let cases = [
             Case {
                 arguments: [1.0, 1.0, 1.0, 1.0, 0.2],
-                expected: 2.4947413e+00,
+                expected: 2.4947412e+00,
             },
             Case {
                 arguments: [1.0, 1.0, 1.0, 1.0, 1.0],
@@ -76,23 +76,23 @@ mod tests {
             },
             Case {
                 arguments: [0.8, 0.6, 0.95, 0.7, 0.3],
-                expected: 5.5838051e-03,
+                expected: 5.5838033e-03,
             },
             Case {
                 arguments: [0.3, 0.9, 0.7, 0.75, 0.6],
-                expected: 3.3956976e-03,
+                expected: 3.3956978e-03,
             },
             Case {
                 arguments: [0.05, 0.1, 0.999, 0.02, 0.15],
-                expected: 1.1361726e+02,
+                expected: 1.1361960e+02,
             },
             Case {
                 arguments: [0.5, 0.5, 0.2, 0.4, 0.9],
-                expected: 1.2642828e-02,
+                expected: 1.2642827e-02,
             },
             Case {
                 arguments: [0.99, 0.98, 0.9999, 0.99, 0.05],
-                expected: 6.0225998e-01,
+                expected: 6.0206623e-01,
             },
         ];
         for Case {
@@ -101,9 +101,9 @@ mod tests {
         } in cases
         {
             let got = karis(l, v, h, vh, r);
-            // 0.999 as f32 moves 1 − n·h by 3e-5 of itself, and the lobe goes with its square.
+            // f32 against f64: a few roundings.
             assert!(
-                (got / expected - 1.0).abs() < 1e-4,
+                (got / expected - 1.0).abs() < 1e-5,
                 "{l} {v} {h} {vh} {r}: {got} ≠ {expected}"
             );
         }
