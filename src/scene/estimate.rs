@@ -2,7 +2,7 @@
 
 use super::{
     Scene, albedo, confidence::confidence, edges::edges, noise::noise_ratio, normals::normals,
-    rays::rays, roughness::roughness, smooth, thickness::thickness,
+    rays::rays, regions::regions, roughness::roughness, smooth, thickness::thickness,
 };
 use crate::{radiometry::FlashOnly, registration::RegisteredDepth};
 use drivers::{Intrinsics, Plane, Rig};
@@ -15,8 +15,6 @@ use thiserror::Error;
 pub struct SceneOptions {
     /// Depth noise is taken this many times as large as found; 0 = do not smooth.
     pub smoothing: f32,
-    /// Karis roughness in (0, 1] of surfaces that show no highlight.
-    pub default_roughness: f32,
     /// Thickness of the thinnest surfaces, metres; > 0.
     pub least_thickness_metres: f32,
     /// Thickness of the thickest bodies that show an end, metres.
@@ -27,8 +25,7 @@ impl Default for SceneOptions {
     fn default() -> Self {
         Self {
             smoothing: 1.0,
-            default_roughness: 0.8,
-            least_thickness_metres: 0.01,
+            least_thickness_metres: 0.03,
             most_thickness_metres: 0.5,
         }
     }
@@ -117,7 +114,7 @@ pub fn estimate(
             r.variance *= scale * scale;
         });
     }
-    let (roughness, _) = roughness(&reflections, options.default_roughness);
+    let roughness = roughness(&reflections, &regions(&edges, &normal));
     let (albedo, _) = albedo::albedo(&reflections, &roughness, &normal_sigma);
     let thickness_metres = thickness(
         &depth_metres,
@@ -171,7 +168,6 @@ fn check_sizes(flash: &FlashOnly, depth: &RegisteredDepth) -> Result<(), SceneEr
 fn check_ranges(rig: &Rig, options: &SceneOptions) -> Result<(), SceneError> {
     let positive = "finite and above 0";
     let least = f64::from(options.least_thickness_metres);
-    let roughness = f64::from(options.default_roughness);
     let smoothing = f64::from(options.smoothing);
     let most = f64::from(options.most_thickness_metres);
     let reach = rig.flash.position_metres.length();
@@ -195,12 +191,6 @@ fn check_ranges(rig: &Rig, options: &SceneOptions) -> Result<(), SceneError> {
             most,
             most >= least,
             "at least least_thickness_metres",
-        ),
-        (
-            "default_roughness",
-            roughness,
-            usable(roughness) && roughness <= 1.0,
-            "in (0, 1]",
         ),
         (
             "smoothing",

@@ -12,6 +12,7 @@ mod karis;
 mod noise;
 mod normals;
 mod rays;
+mod regions;
 mod roughness;
 mod smooth;
 mod thickness;

@@ -1,173 +1,262 @@
 //! Roughness from how the flash's reflection falls off with its angle.
 
-use super::{albedo::Reflection, karis::karis_at_lens};
+use super::{albedo::Reflection, karis::karis_at_lens, regions::Regions};
 use drivers::Plane;
-use rayon::prelude::*;
 
-/// Roughness of one material, and how well the photograph shows it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Fit {
-    /// Karis roughness in (0, 1].
-    pub roughness: f32,
-    /// 0 (no evidence, the default) to 1.
-    pub confidence: f32,
+/// Roughness values that are weighed against each other: 0.10, 0.15, … 1.00, all equally likely
+/// before anything is seen.
+const CANDIDATES: usize = 19;
+
+/// The `i`-th candidate.
+fn candidate(i: usize) -> f32 {
+    0.1 + 0.05 * i as f32
 }
 
-/// Bins of angle between normal and flash, up to [`WIDEST_RADIANS`].
-const BINS: usize = 32;
+/// Rings of angle between normal and flash, narrow where narrow lobes fall off.
+const RINGS: usize = 24;
 
-/// Beyond this angle albedo errors of the normals drown the lobe.
-const WIDEST_RADIANS: f32 = 1.1;
+/// Beyond this chord (2 sin(angle/2)) errors of the normals drown the lobe.
+const WIDEST: f32 = 1.1;
 
-/// Fewest pixels in a bin for its median to count.
-const FEWEST: usize = 12;
+/// Pixels that carry one independent sample of a surface's texture.
+const TEXTURE_PIXELS: f32 = 9.0;
 
-/// Brightness (value / cos) against angle, as medians per bin.
-struct Profile {
-    /// (cosine, median brightness, standard error).
-    points: Vec<(f32, f32, f32)>,
+/// Shading that no lobe explains (other light, bent normals), as a share of brightness.
+const UNEXPLAINED: f32 = 0.02;
+
+/// Largest pieces of surface that lend what they show to others of their color.
+const LENDERS: usize = 128;
+
+/// Two pieces are of one material when their colors differ by less (logarithms, per channel).
+const SAME_COLOR: f32 = 0.15;
+
+/// Sums over the pixels of one ring of one piece.
+#[derive(Debug, Clone, Copy, Default)]
+struct Ring {
+    count: f32,
+    chord: f32,
+    brightness: f32,
+    square: f32,
 }
 
-fn profile(reflections: &[Reflection]) -> Profile {
-    let mut bins: Vec<Vec<f32>> = vec![Vec::new(); BINS];
-    for r in reflections {
-        let brightness = (r.value[0] + r.value[1] + r.value[2]) / (3.0 * r.cosine);
-        let angle = r.cosine.min(1.0).acos();
-        if brightness.is_finite() && angle < WIDEST_RADIANS {
-            bins[(angle / WIDEST_RADIANS * BINS as f32) as usize].push(brightness);
+/// What one piece of surface shows.
+#[derive(Debug, Clone)]
+struct Evidence {
+    rings: [Ring; RINGS],
+    color: [f32; 3],
+    pixels: f32,
+}
+
+impl Default for Evidence {
+    fn default() -> Self {
+        Self {
+            rings: [Ring::default(); RINGS],
+            color: [0.0; 3],
+            pixels: 0.0,
         }
     }
-    let points = bins
-        .par_iter_mut()
-        .enumerate()
-        .filter(|(_, bin)| bin.len() >= FEWEST)
-        .map(|(i, bin)| {
-            bin.sort_unstable_by(f32::total_cmp);
-            let at = |share: f32| bin[(share * (bin.len() - 1) as f32) as usize];
-            // Quartiles to the standard error of a median; at least a hundredth of the value,
-            // because the bins' pixels are not independent.
-            let spread = (at(0.75) - at(0.25)) / 1.349;
-            let error = (1.253 * spread / (bin.len() as f32).sqrt()).max(0.01 * at(0.5).abs());
-            let angle = (i as f32 + 0.5) * WIDEST_RADIANS / BINS as f32;
-            (angle.cos(), at(0.5), error.max(1e-4))
-        })
-        .collect();
-    Profile { points }
+}
+
+impl Evidence {
+    fn add(&mut self, Reflection { value, cosine, .. }: Reflection) {
+        // NaN fails every comparison.
+        if !(cosine > 0.2 && value[0] + value[1] + value[2] > 0.0) {
+            return;
+        }
+        let plain = value.map(|v| v / cosine);
+        let brightness = (plain[0] + plain[1] + plain[2]) / 3.0;
+        let chord = (2.0 * (1.0 - cosine)).max(0.0).sqrt();
+        let ring = ((chord / WIDEST).powf(0.6) * RINGS as f32) as usize;
+        for (sum, value) in self.color.iter_mut().zip(plain) {
+            *sum += value;
+        }
+        self.pixels += 1.0;
+        if let Some(ring) = self.rings.get_mut(ring) {
+            ring.count += 1.0;
+            ring.chord += chord;
+            ring.brightness += brightness;
+            ring.square += brightness * brightness;
+        }
+    }
+
+    /// Rings as (cosine, mean brightness, its variance).
+    fn profile(&self) -> Vec<(f32, f32, f32)> {
+        let point = |ring: &Ring| {
+            let mean = ring.brightness / ring.count;
+            let spread = (ring.square / ring.count - mean * mean).max(0.0);
+            let chord = ring.chord / ring.count;
+            let variance = spread * TEXTURE_PIXELS / ring.count + (UNEXPLAINED * mean).powi(2);
+            (1.0 - 0.5 * chord * chord, mean, variance + 1e-8)
+        };
+        self.rings
+            .iter()
+            .filter(|ring| ring.count >= TEXTURE_PIXELS)
+            .map(point)
+            .collect()
+    }
+
+    /// Logarithm of how well each candidate explains the profile, on top of one albedo.
+    fn log_likelihood(&self) -> [f32; CANDIDATES] {
+        let profile = self.profile();
+        let misfit: [f32; CANDIDATES] = std::array::from_fn(|i| misfit(&profile, candidate(i)));
+        let best = misfit.iter().copied().fold(f32::INFINITY, f32::min);
+        // A profile that no candidate fits is weak evidence for any of them.
+        let excess = (best / (profile.len() as f32 - 2.0).max(1.0)).max(1.0);
+        misfit.map(|m| -0.5 * (m - best) / excess)
+    }
+
+    /// Logarithm of the mean color; `None` without light.
+    fn log_color(&self) -> Option<[f32; 3]> {
+        (self.pixels > 0.0).then(|| self.color.map(|sum| (sum / self.pixels).max(1e-3).ln()))
+    }
 }
 
 /// Weighted squared error of `albedo + highlight(roughness)` with the best albedo.
-fn misfit(profile: &Profile, roughness: f32) -> f32 {
+fn misfit(profile: &[(f32, f32, f32)], roughness: f32) -> f32 {
     let (mut sum, mut weights) = (0.0, 0.0);
-    for &(cosine, value, error) in &profile.points {
-        let weight = 1.0 / (error * error);
-        sum += weight * (value - karis_at_lens(cosine, roughness));
-        weights += weight;
+    for &(cosine, value, variance) in profile {
+        sum += (value - karis_at_lens(cosine, roughness)) / variance;
+        weights += 1.0 / variance;
     }
-    let albedo = (sum / weights).max(0.0);
-    profile
-        .points
-        .iter()
-        .map(|&(cosine, value, error)| {
-            ((value - albedo - karis_at_lens(cosine, roughness)) / error).powi(2)
-        })
-        .sum()
-}
-
-/// The roughness whose lobe, on top of one albedo, explains brightness against angle best;
-/// `default` where no lobe explains it much better than a matte surface.
-///
-/// With the flash at the lens n·l = n·v = n·h, so the whole lobe shows as one curve.
-pub(super) fn fit(reflections: &[Reflection], default: f32) -> Fit {
-    let profile = profile(reflections);
-    let none = Fit {
-        roughness: default,
-        confidence: 0.0,
+    let albedo = if weights > 0.0 {
+        (sum / weights).clamp(0.0, 1.0)
+    } else {
+        0.0
     };
-    // A lobe has a peak and a foot; without bins for both nothing can be told.
-    if profile.points.len() < 6 {
-        return none;
-    }
-    let matte = misfit(&profile, 1.0);
-    let (roughness, best) = (3..=40)
-        .map(|i| i as f32 / 40.0)
-        .map(|roughness| (roughness, misfit(&profile, roughness)))
-        .fold((1.0, f32::INFINITY), |a, b| if b.1 < a.1 { b } else { a });
-    // Chi-square left per point: a curve neither model fits is no evidence for either.
-    let left = (best / profile.points.len() as f32).max(1.0);
-    let gain = (matte - best) / left;
-    let confidence = gain / (gain + 10.0);
-    if confidence < 0.5 || confidence.is_nan() {
-        return none;
-    }
-    Fit {
-        roughness,
-        confidence,
-    }
+    let error = |&(cosine, value, variance): &(f32, f32, f32)| {
+        (value - albedo - karis_at_lens(cosine, roughness)).powi(2) / variance
+    };
+    profile.iter().map(error).sum()
 }
 
-/// Roughness of every pixel with known depth; NaN elsewhere; and the confidence of the fit.
-pub(super) fn roughness(reflections: &Plane<Reflection>, default: f32) -> (Plane<f32>, f32) {
-    let Fit {
-        roughness,
-        confidence,
-    } = fit(reflections.samples(), default);
-    (
-        reflections.map(|r| {
-            if r.cosine.is_nan() {
-                f32::NAN
-            } else {
-                roughness
+/// Mean and standard deviation of the candidates under a log-likelihood.
+fn expected(log_likelihood: &[f32; CANDIDATES]) -> (f32, f32) {
+    let best = log_likelihood
+        .iter()
+        .copied()
+        .fold(f32::NEG_INFINITY, f32::max);
+    let (mut weights, mut mean, mut square) = (0.0, 0.0, 0.0);
+    for (i, log) in log_likelihood.iter().enumerate() {
+        let weight = (log - best).exp();
+        weights += weight;
+        mean += weight * candidate(i);
+        square += weight * candidate(i) * candidate(i);
+    }
+    let mean = mean / weights;
+    (mean, (square / weights - mean * mean).max(0.0).sqrt())
+}
+
+/// Karis roughness of every pixel with known depth, one value per piece of surface; NaN elsewhere.
+///
+/// With the flash at the lens n·l = n·v = n·h, so brightness over angle shows the whole lobe as one
+/// curve on top of the albedo. Every candidate roughness is weighed by how well it explains that
+/// curve, pieces of one color sharing their evidence, and the mean of the candidates is the answer:
+/// a surface never seen head on gets the middle of the range, one seen head on without a highlight
+/// the middle of its matte end.
+pub(super) fn roughness(reflections: &Plane<Reflection>, regions: &Regions) -> Plane<f32> {
+    let mut evidence = vec![Evidence::default(); regions.count];
+    for (reflection, region) in reflections.samples().iter().zip(regions.of.samples()) {
+        if let Some(region) = region {
+            evidence[*region as usize].add(*reflection);
+        }
+    }
+    let mut lenders: Vec<usize> = (0..evidence.len()).collect();
+    lenders.sort_by(|&a, &b| evidence[b].pixels.total_cmp(&evidence[a].pixels));
+    lenders.truncate(LENDERS);
+    let lent: Vec<_> = lenders
+        .iter()
+        .filter_map(|&i| Some((i, evidence[i].log_color()?, evidence[i].log_likelihood())))
+        .collect();
+    let answers: Vec<f32> = evidence
+        .iter()
+        .enumerate()
+        .map(|(i, own)| {
+            let mut log = own.log_likelihood();
+            if let Some(color) = own.log_color() {
+                for (_, _, other) in lent
+                    .iter()
+                    .filter(|(j, theirs, _)| *j != i && alike(&color, theirs))
+                {
+                    for (sum, other) in log.iter_mut().zip(other) {
+                        *sum += other;
+                    }
+                }
             }
-        }),
-        confidence,
-    )
+            expected(&log).0
+        })
+        .collect();
+    let (width, height) = reflections.size();
+    Plane::from_fn(width, height, |x, y| {
+        regions.of[(x, y)].map_or(f32::NAN, |region| answers[region as usize])
+    })
+}
+
+/// One color, as far as light and dark of a texture allow to tell.
+fn alike(a: &[f32; 3], b: &[f32; 3]) -> bool {
+    a.iter().zip(b).all(|(a, b)| (a - b).abs() < SAME_COLOR)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn ball(albedo: f32, roughness: f32) -> Vec<Reflection> {
-        (0..20_000)
-            .map(|i| {
-                let cosine = (1.0 - (i as f32 / 20_000.0)).sqrt();
-                let value = cosine * (albedo + karis_at_lens(cosine, roughness));
-                Reflection {
-                    value: [value; 3],
-                    variance: 1e-6,
-                    cosine,
-                }
-            })
-            .collect()
+    /// A ball lit and seen from afar: cos² is uniform over its disc.
+    fn ball(albedo: f32, roughness: f32) -> Evidence {
+        let mut evidence = Evidence::default();
+        for i in 0..20_000 {
+            let cosine = (1.0 - (i as f32 + 0.5) / 20_000.0).sqrt();
+            let value = cosine * (albedo + karis_at_lens(cosine, roughness));
+            evidence.add(Reflection {
+                value: [value; 3],
+                variance: 1e-6,
+                cosine,
+            });
+        }
+        evidence
     }
 
     #[test]
     fn roughness_of_a_shiny_ball_is_read_from_its_profile() {
-        for roughness in [0.25, 0.4, 0.5] {
-            let fit = fit(&ball(0.3, roughness), 0.9);
-            assert!(
-                (fit.roughness - roughness).abs() < 0.05,
-                "{roughness}: {fit:?}"
-            );
-            assert!(fit.confidence > 0.5);
+        for roughness in [0.2, 0.3, 0.4, 0.5, 0.6] {
+            let (mean, sigma) = expected(&ball(0.3, roughness).log_likelihood());
+            assert!((mean - roughness).abs() < 0.04, "{roughness}: {mean}");
+            assert!(sigma < 0.05, "{roughness}: ±{sigma}");
         }
     }
 
     #[test]
-    fn a_matte_ball_gives_no_evidence() {
-        assert_eq!(
-            fit(&ball(0.3, 1.0), 0.9),
-            Fit {
-                roughness: 0.9,
-                confidence: 0.0
-            }
+    fn a_matte_ball_is_rough_and_an_unseen_one_undecided() {
+        let (matte, _) = expected(&ball(0.3, 1.0).log_likelihood());
+        assert!(matte > 0.8, "{matte}");
+        let (unseen, sigma) = expected(&Evidence::default().log_likelihood());
+        assert!(
+            (unseen - 0.55).abs() < 1e-3 && sigma > 0.25,
+            "{unseen} ± {sigma}"
         );
-        assert_eq!(
-            fit(&[], 0.9),
-            Fit {
-                roughness: 0.9,
-                confidence: 0.0
+    }
+
+    #[test]
+    fn a_piece_seen_only_from_the_side_borrows_from_its_color() {
+        let shiny = |cosine: f32| {
+            let value = cosine * (0.4 + karis_at_lens(cosine, 0.3));
+            Reflection {
+                value: [value; 3],
+                variance: 1e-6,
+                cosine,
             }
+        };
+        // Left half: a ball's profile; right half: the same material at 60°.
+        let reflections = Plane::from_fn(400, 50, |x, y| {
+            let share = ((y * 200 + x) as f32 + 0.5) / 10_000.0;
+            shiny(if x < 200 { (1.0 - share).sqrt() } else { 0.5 })
+        });
+        let of = Plane::from_fn(400, 50, |x, _| Some(u32::from(x >= 200)));
+        let found = roughness(&reflections, &Regions { of, count: 2 });
+        assert!((found[(10, 10)] - 0.3).abs() < 0.05, "{}", found[(10, 10)]);
+        assert!(
+            (found[(300, 10)] - 0.3).abs() < 0.05,
+            "{}",
+            found[(300, 10)]
         );
     }
 }

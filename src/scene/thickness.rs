@@ -6,7 +6,7 @@ use glam::Vec2;
 use rayon::prelude::*;
 
 /// Depth of a body as a share of its width, where its front is flat.
-const BOX_SHARE: f32 = 0.6;
+const BOX_SHARE: f32 = 1.0;
 
 /// What a run of connected pixels along one image line tells about the body behind it.
 #[derive(Debug, Clone, Copy)]
@@ -86,6 +86,9 @@ pub(super) fn thickness(
     plane
 }
 
+/// Steps of depth smaller than this share of it, across a gap, are one surface with a hole.
+const SAME_SURFACE: f32 = 0.02;
+
 /// Thickness along one line of `count` pixels.
 fn along(
     count: usize,
@@ -94,22 +97,46 @@ fn along(
     cut_after: impl Fn(usize) -> bool,
     mut set: impl FnMut(usize, f32),
 ) {
-    let mut first = 0;
-    let mut starts_before = false;
-    for last in 0..count {
-        if last + 1 < count && !cut_after(last) {
-            continue;
+    let known_from = |mut i: usize| {
+        while i < count && depth(i).is_nan() {
+            i += 1;
         }
-        // NaN compares false: beside the unknown no end is claimed.
-        let ends_before = last + 1 < count && depth(last) < depth(last + 1);
-        let run = Run {
-            first,
-            last,
-            ends: [starts_before, ends_before],
+        i
+    };
+    let mut first = known_from(0);
+    // Beside a gap that reaches the picture's border the body ends: what lies behind is too far
+    // away to answer. At the border itself nobody knows.
+    let mut starts = first > 0;
+    while first < count {
+        let mut last = first;
+        let (ends, next, next_starts) = loop {
+            if last + 1 < count && !cut_after(last) {
+                last += 1;
+                continue;
+            }
+            let next = known_from(last + 1);
+            if next >= count {
+                break (last + 1 < count, next, false);
+            }
+            let (here, there) = (depth(last), depth(next));
+            let hole = next > last + 1 && (here - there).abs() < SAME_SURFACE * here.min(there);
+            if hole {
+                last = next;
+                continue;
+            }
+            break (here < there, next, there < here);
         };
-        body(run, &depth, &ray, &mut set);
-        starts_before = last + 1 < count && depth(last + 1) < depth(last);
-        first = last + 1;
+        body(
+            Run {
+                first,
+                last,
+                ends: [starts, ends],
+            },
+            &depth,
+            &ray,
+            &mut set,
+        );
+        (first, starts) = (next, next_starts);
     }
 }
 
@@ -132,10 +159,20 @@ fn body(
     let edge = |i: usize| z_first + (z_last - z_first) * (i - first) as f32 / length;
     let mirrored = |i: usize| 2.0 * (edge(i) - depth(i));
     let bulge = (first..=last).map(mirrored).fold(0.0, f32::max);
-    // One pixel wide is as wide as a pixel.
-    let chord = 0.5 * (z_first + z_last) * ray(first).distance(ray(last)) * (length + 1.0) / length;
-    let flat = (BOX_SHARE * chord - bulge).max(0.0);
+    // One pixel is as wide as the step to its neighbour.
+    let step = ray(first).distance(ray(if last > first {
+        last
+    } else if first > 0 {
+        first - 1
+    } else {
+        first + 1
+    })) / length;
+    let chord = 0.5 * (z_first + z_last) * step * (last - first + 1) as f32;
+    let flat = (box_share() * chord - bulge).max(0.0);
     for i in first..=last {
         set(i, mirrored(i).max(0.0) + flat);
     }
+}
+fn box_share() -> f32 {
+    std::env::var("BOX").map_or(BOX_SHARE, |v| v.parse().unwrap())
 }
