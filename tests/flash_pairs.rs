@@ -205,14 +205,20 @@ fn exposure_and_alignment_halve_the_negative_pixels() {
     assert!(failed.is_empty(), "no better than half: {failed:?}");
 }
 
-/// faid_02's flash part is known; the made photograph lies exactly on its ambient part.
+/// faid_02's flash part is known. Alignment is off: the two published parts lie about a pixel
+/// apart (an independent estimate in pairs.json says 1.0 in the corner, ours 1.2), so the made
+/// photograph holds two pictures, of which the ambient one already lies exactly right.
 #[test]
 fn the_flash_part_comes_back_from_the_sum() {
     let Some((flash, ambient, truth)) = faid() else {
         return;
     };
-    let found = subtract(&flash, &[ambient], &SubtractOptions::default()).unwrap();
-    assert_eq!(found.report.alignment, AlignmentOutcome::AlreadyAligned);
+    let options = SubtractOptions {
+        align: false,
+        ..SubtractOptions::default()
+    };
+    let found = subtract(&flash, &[ambient], &options).unwrap();
+    assert_eq!(found.report.alignment, AlignmentOutcome::NotAsked);
     let truth = linearise(&frame(truth, Illumination::Flash, Exposure::UNIT)).unwrap();
     let mut errors = Vec::new();
     let mut normalised = Vec::new();

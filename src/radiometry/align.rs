@@ -47,7 +47,8 @@ pub struct Alignment {
 const PATCHES_ALONG: usize = 28;
 /// Whole pixels looked around at the coarsest level.
 const COARSE_REACH: isize = 4;
-/// How much better a coarse shift must correlate than none.
+/// How much better a coarse shift must correlate than none, coarsely and in the end: textures that
+/// repeat lie well on themselves in more than one place.
 const COARSE_GAIN: f64 = 0.05;
 /// Fits at the finest level, each starting where the last ended.
 const FINEST_ROUNDS: usize = 2;
@@ -68,15 +69,18 @@ pub fn align(flash: &LinearImage, ambient: &LinearImage) -> Alignment {
         return still(AlignmentOutcome::TooLittleTexture, 0, 0.0);
     }
     let (first, second) = rayon::join(|| texture::pyramid(flash), || texture::pyramid(ambient));
-    let levels = || first.iter().zip(&second).rev();
-    let mut warp = levels()
-        .next()
-        .map_or(Warp::identity(width, height), |(a, b)| whole_shift(a, b));
-    for (first, second) in levels() {
-        let (width, height) = first.values.size();
-        warp = better_start(first, second, warp.on_grid(width, height));
-        if let Some(next) = flow::coarse(&matches(first, second, &warp), width, height) {
-            warp = next;
+    let Some((coarse_first, coarse_second)) = first.last().zip(second.last()) else {
+        return still(AlignmentOutcome::TooLittleTexture, 0, 0.0);
+    };
+    let (coarse_width, coarse_height) = coarse_first.values.size();
+    let near = refined(&first, &second, Warp::identity(coarse_width, coarse_height));
+    let mut warp = near;
+    let start = whole_shift(coarse_first, coarse_second);
+    if !start.is_identity() {
+        let far = refined(&first, &second, start);
+        let score = |warp: &Warp| agreement(&first[0], &second[0], warp);
+        if score(&far) > score(&near) + COARSE_GAIN {
+            warp = far;
         }
     }
     let (Some(first), Some(second)) = (first.first(), second.first()) else {
@@ -111,6 +115,19 @@ pub fn align(flash: &LinearImage, ambient: &LinearImage) -> Alignment {
         patches: found.len(),
         residual_pixels,
     }
+}
+
+/// A coarse warp carried down to the finest level.
+fn refined(first: &[Texture], second: &[Texture], start: Warp) -> Warp {
+    first
+        .iter()
+        .zip(second)
+        .rev()
+        .fold(start, |warp, (first, second)| {
+            let (width, height) = first.values.size();
+            let warp = better_start(first, second, warp.on_grid(width, height));
+            flow::coarse(&matches(first, second, &warp), width, height).unwrap_or(warp)
+        })
 }
 
 /// Top left corners of the patches of a grid.

@@ -12,7 +12,10 @@ mod motion;
 pub mod noise;
 mod patch;
 mod report;
+pub mod response;
 pub mod subtract;
+#[cfg(test)]
+mod subtract_tests;
 mod texture;
 pub mod transfer;
 pub mod warp;
@@ -21,6 +24,7 @@ pub use align::{Alignment, AlignmentOutcome, align};
 pub use decode::linearise;
 pub use difference::{Tally, subtract_linear_into};
 pub use noise::{NoiseModel, Sensor};
+pub use response::{RecoveredResponse, ResponseError, recover_response};
 pub use subtract::{SubtractOptions, subtract};
 
 use drivers::Plane;
