@@ -288,7 +288,7 @@ fn what_moved_is_masked_and_counted() {
         align: false,
         ..SubtractOptions::default()
     };
-    let found = subtract(&flash, &[room.clone()], &options).unwrap();
+    let found = subtract(&flash, std::slice::from_ref(&room), &options).unwrap();
     assert!(found.light.0[(80, 40)][0].is_nan());
     assert!(found.light.0[(5, 5)][0].is_finite());
     let expected = 400.0 / (120.0 * 90.0);
