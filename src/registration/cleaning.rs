@@ -1,5 +1,6 @@
 //! Depth samples that can be trusted, each with its standard deviation.
 
+use super::holes::Holes;
 use drivers::DepthFrame;
 use rayon::prelude::*;
 
@@ -16,11 +17,12 @@ const NOISE_EXCUSE: f32 = 0.02;
 /// A frame without its flying pixels.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Cleaned {
-    width: usize,
     /// Metres along the depth camera's z; NaN = no answer or not believed.
     pub metres: Vec<f32>,
     /// Metres; meaningless where `metres` is NaN.
     pub sigma: Vec<f32>,
+    /// Surface assumed across holes, see `holes`; NaN elsewhere.
+    pub holes: Holes,
 }
 
 /// How the standard deviation follows from what the frame says.
@@ -47,7 +49,6 @@ impl Cleaned {
     /// sides, in inverse depth, and stays.
     pub fn clean(&mut self, frame: &DepthFrame, spacing: f32) {
         let (width, height) = frame.metres.size();
-        self.width = width;
         self.metres.resize(width * height, f32::NAN);
         self.sigma.resize(width * height, f32::NAN);
         let steepest = STEEPEST * spacing;
@@ -79,6 +80,7 @@ impl Cleaned {
                     };
                 }
             });
+        self.holes.span(&self.metres, width, height);
     }
 }
 
@@ -94,7 +96,9 @@ impl NoiseModel {
             for x in (1..row.len().saturating_sub(1)).step_by(STRIDE) {
                 let [a, b, c] = [row[x - 1], row[x], row[x + 1]];
                 let reach = steepest * b;
-                if !((a - b).abs() < reach && (c - b).abs() < reach) {
+                // False for NaN.
+                let one_surface = (a - b).abs() < reach && (c - b).abs() < reach;
+                if !one_surface {
                     continue;
                 }
                 let sigma = (a - 2.0 * b + c).abs() / (0.6745 * 6f32.sqrt());
@@ -136,7 +140,8 @@ impl NoiseModel {
         };
         // `max` and `min` also put a NaN (0/0 of a black sample) within the limits.
         let ceiling = SIGMA_CEILING * z;
-        modelled.min(ceiling).hypot(SIGMA_FLOOR_METRES)
+        let sigma = modelled.min(ceiling);
+        (sigma * sigma + SIGMA_FLOOR_METRES * SIGMA_FLOOR_METRES).sqrt()
     }
 }
 

@@ -72,9 +72,9 @@ impl Gaps {
                     right[x] = look;
                 }
                 let mut left = FAR;
-                for x in 0..width {
-                    left = left.step(!row[x].is_nan(), if x > 0 { guide.across(x, y) } else { 0 });
-                    if !row[x].is_nan() {
+                for (x, z) in row.iter().enumerate() {
+                    left = left.step(!z.is_nan(), if x > 0 { guide.across(x, y) } else { 0 });
+                    if !z.is_nan() {
                         continue;
                     }
                     let [up, down] = columns.looks(x, y);
@@ -92,10 +92,10 @@ impl Gaps {
                             _ => here + distance * width,
                         }
                     };
-                    if let Some([z, s]) =
+                    if let Some([filled, s]) =
                         judge.answer(looks, |n| [from[source(n)], from_sigma[source(n)]])
                     {
-                        (metres[x], sigma[x]) = (z, s);
+                        (metres[x], sigma[x]) = (filled, s);
                     }
                 }
             });

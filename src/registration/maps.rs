@@ -2,7 +2,7 @@
 
 use super::RegistrationError;
 use drivers::{Distortion, Intrinsics, Rig, RigidTransform};
-use glam::{DMat3, DVec2, DVec3};
+use glam::{DMat3, DVec2};
 use rayon::prelude::*;
 
 /// Longest side and most pixels of a camera that is believed.
@@ -161,18 +161,14 @@ fn rotated_rays(lens: &Intrinsics, rotation: DMat3) -> [Vec<f32>; 3] {
         .into_par_iter()
         .enumerate()
         .for_each(|(y, (xs, ys, zs))| {
-            for x in 0..width {
+            for (x, ((to_x, to_y), to_z)) in xs.iter_mut().zip(ys).zip(zs).enumerate() {
                 // Newton can land beyond the fold of the model, where a second ray shares the pixel.
                 let ray = lens
                     .ray(DVec2::new(x as f64, y as f64))
                     .filter(|ray| ray.truncate().length_squared() <= limit);
                 if let Some(ray) = ray {
-                    let DVec3 {
-                        x: rx,
-                        y: ry,
-                        z: rz,
-                    } = rotation * ray;
-                    (xs[x], ys[x], zs[x]) = (rx as f32, ry as f32, rz as f32);
+                    let turned = (rotation * ray).as_vec3();
+                    (*to_x, *to_y, *to_z) = (turned.x, turned.y, turned.z);
                 }
             }
         });
@@ -214,8 +210,7 @@ fn radius2_limit(distortion: &Distortion) -> f64 {
     let mut radius = 0.0;
     while radius < FARTHEST {
         let next = bent(radius + STEP);
-        // Written so that NaN also ends the useful circle.
-        if !(next > previous) {
+        if next.is_nan() || next <= previous {
             break;
         }
         previous = next;
@@ -282,7 +277,8 @@ fn check_transform(to_color: &RigidTransform) -> Result<(), RegistrationError> {
     let excess = rotation * rotation.transpose() - DMat3::IDENTITY;
     let orthonormal = excess.to_cols_array().iter().all(|e| e.abs() < 1e-3);
     // NaN makes both comparisons false.
-    if !orthonormal || !(rotation.determinant() > 0.0) {
+    let keeps_hands = rotation.determinant() > 0.0;
+    if !orthonormal || !keeps_hands {
         return wrong(
             "rotation",
             "is not a rotation (orthonormal, determinant +1)",

@@ -1,12 +1,13 @@
 //! Depth → color grid: undistort, unproject, splat with occlusion, fill by color.
 //!
 //! [`RigMaps`] holds what depends on the rig alone. [`register`] then cleans the frame
-//! (`cleaning`), draws its samples as a surface on the distorted color grid (`surface`) and
+//! (`cleaning`, `holes`), draws its samples as a surface on the distorted color grid (`surface`) and
 //! closes the gaps along the edges of the picture (`fill`).
 
 mod cleaning;
 mod error;
 mod fill;
+mod holes;
 mod maps;
 mod surface;
 

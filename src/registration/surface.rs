@@ -21,7 +21,8 @@ const SEGMENT: usize = 32;
 /// A triangle larger than this many magnified samples spans an edge, whatever its depths say.
 const LARGEST_TRIANGLE_SAMPLES: f32 = 24.0;
 
-/// A sample on the color grid: pixel x, pixel y, inverse depth (0 = none), sigma in metres.
+/// A sample on the color grid: pixel x, pixel y, inverse depth (0 = none), sigma in metres
+/// (negative = assumed across a hole: it hides, but does not answer).
 type Vertex = [f32; 4];
 const NO_VERTEX: Vertex = [f32::NAN, f32::NAN, 0.0, 0.0];
 
@@ -31,6 +32,8 @@ pub(super) struct Surface {
     vertices: Vec<Vertex>,
     /// Per row and segment: lowest and highest pixel y of its vertices, the next segment's first included.
     bounds: Vec<[f32; 2]>,
+    /// Per quad, named by its upper left sample: what is drawn of it, an index of [`TRIANGLES`].
+    kinds: Vec<u8>,
     /// Samples that span no triangle.
     lonely: Vec<bool>,
 }
@@ -86,7 +89,8 @@ impl Surface {
             largest: LARGEST_TRIANGLE_SAMPLES * rays.magnification.max(1.0),
             half_sample: 0.5 * rays.magnification,
         };
-        mesh.mark_lonely(&mut self.lonely);
+        mesh.sort(&mut self.kinds);
+        mesh.mark_lonely(&self.kinds, &mut self.lonely);
         let chunk = color.width * BAND_ROWS;
         let metres = registered.metres.samples_mut().chunks_mut(chunk);
         let sigma = registered.sigma_metres.samples_mut().chunks_mut(chunk);
@@ -100,6 +104,7 @@ impl Surface {
             .zip(measured)
             .enumerate()
             .map(|(n, ((inverse, sigma), measured))| Band {
+                kinds: &self.kinds,
                 lonely: &self.lonely,
                 first_row: n * BAND_ROWS,
                 rows: inverse.len() / color.width,
@@ -133,14 +138,16 @@ impl Surface {
             .for_each(|(y, (row, bounds))| {
                 let span = y * width..(y + 1) * width;
                 let [rx, ry, rz] = [0, 1, 2].map(|axis| &rays.axes[axis][span.clone()]);
-                let (metres, sigma) = (&cleaned.metres[span.clone()], &cleaned.sigma[span]);
-                for x in 0..width {
-                    let z = metres[x];
+                let (metres, sigma) = (&cleaned.metres[span.clone()], &cleaned.sigma[span.clone()]);
+                let holes = &cleaned.holes.metres[span];
+                for (x, vertex) in row.iter_mut().enumerate() {
+                    let answered = !metres[x].is_nan();
+                    let z = if answered { metres[x] } else { holes[x] };
                     let [px, py, inverse] =
                         color.project(z * rx[x] + ox, z * ry[x] + oy, z * rz[x] + oz);
                     // Comparison is false for every NaN on the way here.
                     let inverse = if inverse > 0.0 { inverse } else { 0.0 };
-                    row[x] = [px, py, inverse, sigma[x]];
+                    *vertex = [px, py, inverse, if answered { sigma[x] } else { -1e-3 }];
                 }
                 for (segment, bounds) in bounds.iter_mut().enumerate() {
                     let first = segment * SEGMENT;
@@ -169,10 +176,17 @@ struct Mesh<'a> {
     half_sample: f32,
 }
 
-/// Corners of a quad: 0 1 above, 2 3 below; the triangles all turn the way a front face does.
-const WHOLE: [[usize; 3]; 2] = [[0, 1, 2], [1, 3, 2]];
-const WHOLE_OTHER: [[usize; 3]; 2] = [[0, 1, 3], [0, 3, 2]];
-const PARTIAL: [[usize; 3]; 4] = [[0, 1, 2], [1, 3, 2], [0, 1, 3], [0, 3, 2]];
+/// What can be drawn of a quad with corners 0 1 above and 2 3 below: nothing, all of it along one
+/// diagonal or the other, or one corner cut off. All triangles turn the way a front face does.
+const TRIANGLES: [&[[usize; 3]]; 7] = [
+    &[],
+    &[[0, 1, 2], [1, 3, 2]],
+    &[[0, 1, 3], [0, 3, 2]],
+    &[[0, 1, 2]],
+    &[[1, 3, 2]],
+    &[[0, 1, 3]],
+    &[[0, 3, 2]],
+];
 
 impl Mesh<'_> {
     fn corners(&self, x: usize, y: usize) -> [usize; 4] {
@@ -187,72 +201,81 @@ impl Mesh<'_> {
         for vertex in vertices {
             low = low.min(vertex[2]);
             high = high.max(vertex[2]);
-            sigma = sigma.max(vertex[3]);
+            sigma = sigma.max(vertex[3].abs());
         }
         low > 0.0 && high - low <= low * (self.steepest + (4.0 * sigma * high).min(0.02))
     }
 
-    /// The triangles to draw for a quad.
+    /// Index of [`TRIANGLES`] for a quad.
     #[inline(always)]
-    fn triangles(&self, v: [Vertex; 4]) -> &'static [[usize; 3]] {
+    fn kind(&self, v: [Vertex; 4]) -> u8 {
         if self.is_surface(v) {
             // The flatter diagonal folds the surface less.
             let falling = (v[0][2] - v[3][2]).abs();
             let rising = (v[1][2] - v[2][2]).abs();
-            return if rising <= falling {
-                &WHOLE
-            } else {
-                &WHOLE_OTHER
-            };
+            return if rising <= falling { 1 } else { 2 };
         }
-        for (n, t) in PARTIAL.iter().enumerate() {
-            if self.is_surface(t.map(|corner| v[corner])) {
-                return &PARTIAL[n..=n];
-            }
-        }
-        &[]
+        (3..7)
+            .find(|&kind| self.is_surface(TRIANGLES[kind][0].map(|corner| v[corner])))
+            .unwrap_or(0) as u8
+    }
+
+    /// Decides once what is drawn of each quad.
+    fn sort(&self, kinds: &mut Vec<u8>) {
+        kinds.resize(self.width * self.height, 0);
+        kinds
+            .par_chunks_mut(self.width)
+            .enumerate()
+            .for_each(|(y, row)| {
+                for (x, kind) in row.iter_mut().enumerate() {
+                    let whole = x + 1 < self.width && y + 1 < self.height;
+                    *kind = if whole { self.kind(self.quad(x, y)) } else { 0 };
+                }
+            });
     }
 
     fn quad(&self, x: usize, y: usize) -> [Vertex; 4] {
         self.corners(x, y).map(|i| self.vertices[i])
     }
 
-    fn mark_lonely(&self, lonely: &mut Vec<bool>) {
-        lonely.resize(self.width * self.height, false);
+    fn mark_lonely(&self, kinds: &[u8], lonely: &mut Vec<bool>) {
+        let width = self.width;
+        lonely.resize(width * self.height, false);
         lonely
-            .par_chunks_mut(self.width)
+            .par_chunks_mut(width)
             .enumerate()
             .for_each(|(y, row)| {
                 for (x, lonely) in row.iter_mut().enumerate() {
-                    *lonely = self.vertices[y * self.width + x][2] > 0.0 && !self.spans(x, y);
+                    let i = y * width + x;
+                    let [_, _, inverse, sigma] = self.vertices[i];
+                    // A whole quad below right: the usual case, settled at once.
+                    *lonely = !matches!(kinds[i], 1 | 2)
+                        && inverse > 0.0
+                        && sigma > 0.0
+                        && !spans(kinds, width, x, y);
                 }
             });
     }
+}
 
-    /// A triangle is drawn at this sample.
-    fn spans(&self, x: usize, y: usize) -> bool {
-        let right = x + 1 < self.width;
-        let below = y + 1 < self.height;
-        // Position of the sample among the corners of each quad around it.
-        [
-            (right && below, 0, 0, 0),
-            (x > 0 && below, 1, 0, 1),
-            (right && y > 0, 0, 1, 2),
-            (x > 0 && y > 0, 1, 1, 3),
-        ]
+/// A triangle is drawn at this sample.
+fn spans(kinds: &[u8], width: usize, x: usize, y: usize) -> bool {
+    // The quads around the sample, and its position among the corners of each.
+    [(0, 0, 0), (1, 0, 1), (0, 1, 2), (1, 1, 3)]
         .into_iter()
-        .any(|(exists, left, up, corner)| {
-            exists
-                && self
-                    .triangles(self.quad(x - left, y - up))
+        .any(|(left, up, corner)| {
+            x >= left && y >= up && {
+                let kind = kinds[(y - up) * width + x - left];
+                TRIANGLES[usize::from(kind)]
                     .iter()
                     .any(|triangle| triangle.contains(&corner))
+            }
         })
-    }
 }
 
 /// Some rows of the result; `inverse` becomes metres at the end.
 struct Band<'a> {
+    kinds: &'a [u8],
     lonely: &'a [bool],
     first_row: usize,
     rows: usize,
@@ -288,10 +311,14 @@ impl Band<'_> {
             }
         }
         let mut landed = false;
-        for (inverse, measured) in self.inverse.iter_mut().zip(self.measured.iter_mut()) {
-            *measured = *inverse > 0.0;
-            landed |= *measured;
-            *inverse = if *measured { 1.0 / *inverse } else { f32::NAN };
+        for (i, inverse) in self.inverse.iter_mut().enumerate() {
+            let answered = !self.sigma[i].is_nan();
+            landed |= answered;
+            self.measured[i] = answered;
+            *inverse = if answered { 1.0 / *inverse } else { f32::NAN };
+            if !answered && let Some(amplitude) = self.amplitude.get_mut(i) {
+                *amplitude = f32::NAN;
+            }
         }
         landed
     }
@@ -300,17 +327,22 @@ impl Band<'_> {
         if self.lonely[y * mesh.width + x] {
             self.square(mesh, y * mesh.width + x);
         }
-        if x + 1 == mesh.width || y + 1 == mesh.height {
+        let kind = self.kinds[y * mesh.width + x];
+        if kind == 0 {
             return;
         }
         let corners = mesh.corners(x, y);
         let v = corners.map(|i| mesh.vertices[i]);
         let low = v[0][1].min(v[1][1]).min(v[2][1].min(v[3][1]));
         let high = v[0][1].max(v[1][1]).max(v[2][1].max(v[3][1]));
-        if !(high >= self.first_row as f32 && low <= (self.first_row + self.rows - 1) as f32) {
+        let (top, bottom) = (
+            self.first_row as f32,
+            (self.first_row + self.rows - 1) as f32,
+        );
+        if high < top || low > bottom {
             return;
         }
-        for triangle in mesh.triangles(v) {
+        for triangle in TRIANGLES[usize::from(kind)] {
             self.triangle(mesh, triangle.map(|c| v[c]), triangle.map(|c| corners[c]));
         }
     }
@@ -318,20 +350,24 @@ impl Band<'_> {
     /// Pixels whose centre lies in a triangle.
     #[inline(always)]
     fn triangle(&mut self, mesh: &Mesh, [a, b, c]: [Vertex; 3], samples: [usize; 3]) {
-        let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
-        // Turned away from the color camera (or NaN): something nearer hides it.
-        if !(area > 1e-6) {
-            return;
-        }
         let left = a[0].min(b[0]).min(c[0]);
         let right = a[0].max(b[0]).max(c[0]);
         let top = a[1].min(b[1]).min(c[1]);
         let bottom = a[1].max(b[1]).max(c[1]);
+        let (x0, x1) = centres(left, right, 0, self.width);
+        let (y0, y1) = centres(top, bottom, self.first_row, self.rows);
+        if x0 >= x1 || y0 >= y1 {
+            return;
+        }
+        let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+        // Turned away from the color camera (or NaN): something nearer hides it.
+        if area.is_nan() || area <= 1e-6 {
+            return;
+        }
         if right - left > mesh.largest || bottom - top > mesh.largest {
             return;
         }
-        let (x0, x1) = centres(left, right, 0, self.width);
-        let (y0, y1) = centres(top, bottom, self.first_row, self.rows);
+        let answers = a[3].min(b[3]).min(c[3]) > 0.0;
         let per_area = 1.0 / area;
         for y in y0..y1 {
             let py = y as f32;
@@ -350,7 +386,11 @@ impl Band<'_> {
                 let i = (y - self.first_row) * self.width + x;
                 if inverse > self.inverse[i] {
                     self.inverse[i] = inverse;
-                    self.sigma[i] = at_a * a[3] + at_b * b[3] + at_c * c[3];
+                    self.sigma[i] = if answers {
+                        at_a * a[3] + at_b * b[3] + at_c * c[3]
+                    } else {
+                        f32::NAN
+                    };
                     if let Some(amplitude) = mesh.amplitude {
                         let [aa, ab, ac] = samples.map(|i| amplitude[i]);
                         self.amplitude[i] = at_a * aa + at_b * ab + at_c * ac;

@@ -18,7 +18,7 @@ const SLOPE_SIGMA: f32 = 0.3;
 const BACKGROUND_PREFERENCE: f32 = 2.0;
 const BACKGROUND_PREFERENCE_BLIND: f32 = 50.0;
 /// Relative depth error expected when every way to a measurement crosses a strong edge.
-const BEHIND_EDGE_SIGMA: f32 = 0.05;
+const BEHIND_EDGE_SIGMA: f32 = 0.1;
 
 /// Weighs the four answers.
 pub(super) struct Judge {
