@@ -3,6 +3,7 @@
 //! [`Prepared`] holds what every light needs, computed once per scene; [`Prepared::relight`]
 //! answers for one lamp with one sweep over the depth map.
 
+pub mod enlarge;
 pub mod lamp;
 mod pinhole;
 pub mod prepared;
