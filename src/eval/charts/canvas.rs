@@ -8,9 +8,9 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use thiserror::Error;
 
-/// The family name of every text: the PNG's glyphs are Ubuntu Light, bundled with the program; an
-/// SVG names the families a viewer may fall back to.
-const FAMILY: &str = "Ubuntu, DejaVu Sans, Verdana, sans-serif";
+/// The family name of every text: the PNG's glyphs are Hack, bundled with the program; an SVG names
+/// the families a viewer may fall back to. All are as wide as each other, so that both look alike.
+const FAMILY: &str = "Hack, DejaVu Sans Mono, Menlo, Consolas, monospace";
 
 /// Text and lines.
 pub(super) const INK: RGBColor = RGBColor(0x1a, 0x1a, 0x1a);
@@ -104,7 +104,7 @@ fn font() -> Result<(), &'static str> {
         register_font(
             FAMILY,
             FontStyle::Normal,
-            epaint_default_fonts::UBUNTU_LIGHT,
+            epaint_default_fonts::HACK_REGULAR,
         )
         .is_ok()
     });
@@ -118,27 +118,31 @@ fn font() -> Result<(), &'static str> {
 /// Where a text's corner or middle stands relative to its point.
 pub(super) use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-/// A text style: size in pixels, color, anchor.
+/// Width of a letter of the bundled font as a share of the size plotters asks for.
+const LETTER: f64 = 1233.0 / 2384.0;
+
+/// A text style: width of a letter in pixels, color, anchor. Whole widths, as the PNG backend puts
+/// every letter on a whole pixel and would space them unevenly otherwise.
 pub(super) fn text(
-    size: u32,
+    letter_pixels: u32,
     color: RGBColor,
     horizontal: HPos,
     vertical: VPos,
 ) -> TextStyle<'static> {
-    (FAMILY, size)
+    (FAMILY, f64::from(letter_pixels) / LETTER)
         .into_font()
         .color(&color)
         .pos(Pos::new(horizontal, vertical))
 }
 
-/// A text drawn twice, half a pixel's width apart, so that the light face reads as a heading.
+/// A title or a heading, from its top left corner.
 pub(super) fn heading<B: DrawingBackend>(
     area: &Canvas<B>,
     content: &str,
-    size: u32,
+    letter_pixels: u32,
     at: (i32, i32),
 ) -> Drawn<B> {
-    let style = text(size, INK, HPos::Left, VPos::Top);
+    let style = text(letter_pixels, INK, HPos::Left, VPos::Top);
     area.draw_text(content, &style, at)
 }
 

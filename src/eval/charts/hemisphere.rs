@@ -4,7 +4,8 @@ use super::canvas::{Canvas, Chart, Drawn, FAINT, HAIR, HPos, INK, VPos, heading,
 use crate::eval::report::{CaptureReport, LightReport, RowReport};
 use plotters::prelude::*;
 
-const PANEL: i32 = 330;
+const PANEL: i32 = 390;
+const PITCH: i32 = 370;
 const RIM: i32 = 120;
 const LEFT: i32 = 20;
 const TOP: i32 = 70;
@@ -90,7 +91,7 @@ impl<'a> Hemisphere<'a> {
         let name = format!("{} {}", row.row, row.name);
         area.draw_text(
             &name,
-            &text(18, INK, HPos::Center, VPos::Bottom),
+            &text(9, INK, HPos::Center, VPos::Bottom),
             at(0, -RIM - 24),
         )?;
         for ring in 1..=3 {
@@ -119,11 +120,11 @@ impl<'a> Hemisphere<'a> {
         for ring in 1..=3 {
             let degrees = self.reach_degrees * f64::from(ring) / 3.0;
             let label = format!("{degrees:.0}°");
-            let style = text(13, FAINT, HPos::Left, VPos::Top);
+            let style = text(7, FAINT, HPos::Left, VPos::Top);
             area.draw_text(&label, &style, at(RIM * ring / 3 + 3, 3))?;
         }
         let values: Vec<f64> = row.lights.iter().filter_map(map.value).collect();
-        let style = text(15, INK, HPos::Center, VPos::Top);
+        let style = text(8, INK, HPos::Center, VPos::Top);
         let Some((light, lowest)) = worst else {
             return area.draw_text("no light with an answer", &style, at(0, RIM + 12));
         };
@@ -134,14 +135,18 @@ impl<'a> Hemisphere<'a> {
             RGBColor(0xd5, 0x5e, 0x00).stroke_width(3),
         ))?;
         let mean = values.iter().sum::<f64>() / values.len() as f64;
-        let Map { digits, unit, .. } = map;
-        let figures = format!("mean {mean:.digits$} {unit}, worst {lowest:.digits$} {unit}");
-        area.draw_text(figures.trim_end(), &style, at(0, RIM + 12))?;
+        let shown = |value: f64| {
+            format!("{value:.*} {}", map.digits, map.unit)
+                .trim_end()
+                .to_owned()
+        };
+        let figures = format!("mean {}, worst {}", shown(mean), shown(lowest));
+        area.draw_text(&figures, &style, at(0, RIM + 12))?;
         let [x, y, z] = light.direction;
         let place = format!("worst light {} at ({x:.2}, {y:.2}, {z:.2})", light.light);
         area.draw_text(
             &place,
-            &text(15, INK, HPos::Center, VPos::Top),
+            &text(8, INK, HPos::Center, VPos::Top),
             at(0, RIM + 32),
         )
     }
@@ -167,7 +172,7 @@ impl<'a> Hemisphere<'a> {
                 vec![(x + 18, tick_y), (x + 23, tick_y)],
                 INK,
             ))?;
-            let style = text(14, INK, HPos::Left, VPos::Center);
+            let style = text(7, INK, HPos::Left, VPos::Center);
             area.draw_text(label.trim_end(), &style, (x + 27, tick_y))?;
         }
         Ok(())
@@ -180,21 +185,21 @@ impl Chart for Hemisphere<'_> {
         let lines = self.maps.len().max(1) as i32;
         (
             (LEFT + columns * PANEL + BAR) as u32,
-            (TOP + lines * (PANEL + 50) + 40) as u32,
+            (TOP + lines * PITCH + 40) as u32,
         )
     }
 
     fn draw<B: DrawingBackend>(&self, area: &Canvas<B>) -> Drawn<B> {
         let title = format!("{}: error by light direction", self.capture.name);
-        heading(area, &title, 26, (LEFT, 14))?;
+        heading(area, &title, 13, (LEFT, 14))?;
         for (line, map) in self.maps.iter().enumerate() {
-            let top = TOP + line as i32 * (PANEL + 50);
+            let top = TOP + line as i32 * PITCH;
             let label = if map.unit.is_empty() {
                 map.title.to_owned()
             } else {
                 format!("{} ({})", map.title, map.unit)
             };
-            heading(area, &label, 20, (LEFT, top - 8))?;
+            heading(area, &label, 10, (LEFT, top - 8))?;
             let middle_y = top + 70 + RIM;
             for (column, row) in self.capture.rows.iter().enumerate() {
                 let middle_x = LEFT + column as i32 * PANEL + PANEL / 2;
@@ -206,7 +211,7 @@ impl Chart for Hemisphere<'_> {
         let (_, height) = self.size();
         let legend = "dot: one lamp, as the camera sees it (right is right, up is up); rings: degrees off the \
                       camera's axis; orange ring: worst lamp; small hollow dot: no value";
-        let style = text(14, FAINT, HPos::Left, VPos::Bottom);
+        let style = text(7, FAINT, HPos::Left, VPos::Bottom);
         area.draw_text(legend, &style, (LEFT, height as i32 - 12))
     }
 }

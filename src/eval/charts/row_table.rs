@@ -9,8 +9,8 @@ use plotters::prelude::*;
 const WIDTH: i32 = 1240;
 const TOP: i32 = 128;
 const LINE: i32 = 34;
-const BAR_X: i32 = 380;
-const BAR_LENGTH: i32 = 230;
+const BAR_X: i32 = 400;
+const BAR_LENGTH: i32 = 200;
 /// Right edges of the number columns after the bar.
 const COLUMNS: [(i32, &str, &str); 7] = [
     (740, "worst", "dB linear"),
@@ -53,7 +53,7 @@ impl<'a> RowTable<'a> {
     }
 
     fn line<B: DrawingBackend>(&self, area: &Canvas<B>, y: i32, line: &Line) -> Drawn<B> {
-        let style = |horizontal| text(16, INK, horizontal, VPos::Center);
+        let style = |horizontal| text(8, INK, horizontal, VPos::Center);
         area.draw_text(
             &format!("{} {}", line.row, line.name),
             &style(HPos::Left),
@@ -73,7 +73,7 @@ impl<'a> RowTable<'a> {
     }
 
     fn header<B: DrawingBackend>(area: &Canvas<B>) -> Drawn<B> {
-        let style = |horizontal| text(14, FAINT, horizontal, VPos::Center);
+        let style = |horizontal| text(7, FAINT, horizontal, VPos::Center);
         area.draw_text("row", &style(HPos::Left), (40, TOP - 32))?;
         area.draw_text(
             "mean PSNR, dB linear (bars from 0)",
@@ -128,9 +128,9 @@ impl Chart for RowTable<'_> {
     }
 
     fn draw<B: DrawingBackend>(&self, area: &Canvas<B>) -> Drawn<B> {
-        heading(area, "Relighting error by row", 26, (30, 14))?;
+        heading(area, "Relighting error by row", 13, (30, 14))?;
         let subtitle = "values in [0, 1], white Lambertian = 1; higher is better for PSNR, SSIM and IoU; – = no truth";
-        area.draw_text(subtitle, &text(15, FAINT, HPos::Left, VPos::Top), (30, 48))?;
+        area.draw_text(subtitle, &text(8, FAINT, HPos::Left, VPos::Top), (30, 48))?;
         Self::header(area)?;
         let mut y = TOP;
         let block = |area: &Canvas<B>, y: i32, name: &str| {
@@ -138,7 +138,7 @@ impl Chart for RowTable<'_> {
                 vec![(30, y - 14), (WIDTH - 20, y - 14)],
                 HAIR,
             ))?;
-            area.draw_text(name, &text(17, INK, HPos::Left, VPos::Center), (30, y + 4))
+            area.draw_text(name, &text(9, INK, HPos::Left, VPos::Center), (30, y + 4))
         };
         let names: Vec<&str> = self
             .report
@@ -179,7 +179,7 @@ impl Chart for RowTable<'_> {
                     self.line(area, y, &line)?;
                 }
                 RowFigures::Missing { reason } => {
-                    let style = text(16, FAINT, HPos::Left, VPos::Center);
+                    let style = text(8, FAINT, HPos::Left, VPos::Center);
                     let name = format!("{} {}", summary.row, summary.name);
                     area.draw_text(&name, &style, (40, y))?;
                     area.draw_text(&format!("missing: {reason}"), &style, (BAR_X, y))?;

@@ -86,7 +86,7 @@ impl<'a> SpeedAccuracy<'a> {
             let label = format!("{}", 10_f64.powi(decade));
             area.draw_text(
                 &label,
-                &text(15, INK, HPos::Center, VPos::Top),
+                &text(8, INK, HPos::Center, VPos::Top),
                 (at, bottom + 8),
             )?;
         }
@@ -94,12 +94,12 @@ impl<'a> SpeedAccuracy<'a> {
         for decibel in (low as i32..=high as i32).filter(|decibel| decibel % step == 0) {
             let at = y(f64::from(decibel));
             area.draw(&PathElement::new(vec![(left, at), (right, at)], HAIR))?;
-            let style = text(15, INK, HPos::Right, VPos::Center);
+            let style = text(8, INK, HPos::Right, VPos::Center);
             area.draw_text(&decibel.to_string(), &style, (left - 8, at))?;
         }
         area.draw(&Rectangle::new(PLOT, INK.stroke_width(1)))?;
         let middle = (left + right) / 2;
-        let style = text(17, INK, HPos::Center, VPos::Top);
+        let style = text(9, INK, HPos::Center, VPos::Top);
         area.draw_text(
             "milliseconds per relit picture (median, log scale)",
             &style,
@@ -107,7 +107,7 @@ impl<'a> SpeedAccuracy<'a> {
         )?;
         area.draw_text(
             "PSNR (dB, linear light)",
-            &text(17, INK, HPos::Left, VPos::Bottom),
+            &text(9, INK, HPos::Left, VPos::Bottom),
             (left - 60, top - 10),
         )?;
 
@@ -132,8 +132,20 @@ impl<'a> SpeedAccuracy<'a> {
                 color.stroke_width(2),
             ))?;
             area.draw(&Circle::new((at, mean), 9, color.filled()))?;
-            let label = text(18, INK, HPos::Left, VPos::Bottom);
-            area.draw_text(&point.row.to_string(), &label, (at + 12, mean - 4))?;
+            // A number beside another dot would be read as that dot's: then it goes to the left.
+            let crowded = self.points.iter().any(|other| {
+                let gap = x(other.milliseconds) - at;
+                other.row != point.row
+                    && (0..40).contains(&gap)
+                    && (y(other.mean_db) - mean).abs() < 30
+            });
+            let (side, offset) = if crowded {
+                (HPos::Right, -12)
+            } else {
+                (HPos::Left, 12)
+            };
+            let label = text(9, INK, side, VPos::Bottom);
+            area.draw_text(&point.row.to_string(), &label, (at + offset, mean - 4))?;
         }
         Ok(())
     }
@@ -166,10 +178,10 @@ impl<'a> SpeedAccuracy<'a> {
             };
             area.draw_text(
                 &format!("{} {name}", summary.row),
-                &left(16, ink),
+                &left(8, ink),
                 (x + 20, y),
             )?;
-            area.draw_text(&detail, &left(14, ink), (x + 20, y + 19))?;
+            area.draw_text(&detail, &left(7, ink), (x + 20, y + 19))?;
             y += 48;
         }
         let marks = [
@@ -179,7 +191,7 @@ impl<'a> SpeedAccuracy<'a> {
         ];
         y += 6;
         for mark in marks {
-            area.draw_text(mark, &left(14, FAINT), (x - 8, y))?;
+            area.draw_text(mark, &left(7, FAINT), (x - 8, y))?;
             y += 20;
         }
         Ok(())
@@ -192,7 +204,7 @@ impl Chart for SpeedAccuracy<'_> {
     }
 
     fn draw<B: DrawingBackend>(&self, area: &Canvas<B>) -> Drawn<B> {
-        heading(area, "Speed against accuracy of relighting", 26, (30, 14))?;
+        heading(area, "Speed against accuracy of relighting", 13, (30, 14))?;
         let machine = &self.report.machine;
         let names: Vec<&str> = self
             .report
@@ -211,7 +223,7 @@ impl Chart for SpeedAccuracy<'_> {
             machine.target,
             machine.threads
         );
-        area.draw_text(&detail, &text(15, FAINT, HPos::Left, VPos::Top), (30, 48))?;
+        area.draw_text(&detail, &text(8, FAINT, HPos::Left, VPos::Top), (30, 48))?;
         self.plot(area)?;
         self.legend(area)
     }
