@@ -15,6 +15,9 @@ use std::{
 
 const REMEDY: &str = "record again, or recover what is whole with `mcap recover`";
 
+/// More than the counts of any file of ours.
+const MAX_STATISTICS_BYTES: u64 = 1 << 16;
+
 /// Records at the top level of a file, one at a time.
 pub(super) struct Container {
     pub path: PathBuf,
@@ -25,6 +28,8 @@ pub(super) struct Container {
     /// Where the file stopped making sense, if it did before its end mark.
     pub truncated_at: Option<u64>,
     pub chunks: u64,
+    /// Chunks there should be, as the writer counted them when it closed the file.
+    counted: Option<u32>,
 }
 
 /// What [`Container::next`] found; the body is in the buffer given to it.
@@ -64,6 +69,7 @@ impl Container {
             offset: 8,
             truncated_at: None,
             chunks: 0,
+            counted: None,
         })
     }
 
@@ -125,10 +131,30 @@ impl Container {
                         .seek(SeekFrom::Start(start))
                         .map_err(|source| io(&self.path, source))?;
                     self.offset = start;
-                    return Ok(Found::End);
+                    return self.end();
+                }
+                op::STATISTICS if size <= MAX_STATISTICS_BYTES => {
+                    if !self.read_body(size, start, body)? {
+                        self.offset = start;
+                        return self.cut();
+                    }
+                    let mut cursor = Cursor(body);
+                    // Before it: counts of messages, schemas, channels, attachments, metadata.
+                    self.counted = cursor.take(8 + 2 + 4 + 4 + 4).and_then(|_| cursor.u32());
                 }
                 _ => self.skip()?,
             }
+        }
+    }
+
+    /// The end of a file that was closed: nothing may be missing.
+    fn end(&mut self) -> Result<Found, DriverError> {
+        match self.counted {
+            Some(counted) if u64::from(counted) != self.chunks => {
+                let problem = format!("{} chunks of {counted} can be found", self.chunks);
+                Err(malformed(&self.path, problem, REMEDY))
+            }
+            _ => Ok(Found::End),
         }
     }
 

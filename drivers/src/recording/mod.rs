@@ -14,12 +14,15 @@
 //! it allocates, and holds one chunk at a time.
 
 mod container;
+mod decode;
 mod protobuf;
 mod read;
 mod schema;
+mod summary;
 mod write;
 
-pub use read::{Reader, Summary, summarize};
+pub use read::Reader;
+pub use summary::{Summary, summarize};
 pub use write::Writer;
 
 use crate::device::DriverError;

@@ -83,6 +83,9 @@ impl Ground {
     }
 }
 
+/// Normal of a far wall. It faces the camera, not the table, so that no light in front of the camera
+/// is behind it.
+const BACKDROP: DVec3 = DVec3::new(0.0, 0.03, -1.0);
 const MATTE: f32 = 0.9;
 const GLOSSY: f32 = 0.3;
 
@@ -134,7 +137,7 @@ impl Builder {
     }
 
     fn desk(mut self) -> Vec<Body> {
-        let ground = Ground::tilted(DVec3::new(0.0, 0.2, 1.15), 0.5);
+        let ground = Ground::tilted(DVec3::new(0.0, 0.2, 1.15), 0.42);
         let wood = Pattern::Stripes(
             self.tint(0, [0.62, 0.45, 0.3]),
             self.tint(1, [0.5, 0.35, 0.22]),
@@ -142,7 +145,7 @@ impl Builder {
         );
         let table = Shape::Box {
             centre: ground.at(0.0, -0.02, 0.0),
-            half: DVec3::new(1.0, 0.02, 0.5),
+            half: DVec3::new(0.75, 0.02, 0.42),
             axes: ground.axes,
         };
         self.add(table, ground.axes, wood, 0.6);
@@ -151,7 +154,7 @@ impl Builder {
             self.tint(3, [0.55, 0.6, 0.65]),
             0.16,
         );
-        self.plane(ground.at(0.0, 0.0, 0.52), -ground.axes.z_axis, paint);
+        self.plane(DVec3::new(0.0, 0.0, 1.7), BACKDROP.normalize(), paint);
         let x = -0.22 + self.wobble(4, 0.03);
         let ball = Shape::Sphere {
             centre: ground.at(x, 0.12, 0.08),
@@ -242,8 +245,8 @@ impl Builder {
             0.2,
         );
         let floor = Shape::Box {
-            centre: ground.at(0.0, -0.12, 0.3),
-            half: DVec3::new(2.0, 0.02, 0.8),
+            centre: ground.at(0.0, -0.12, 0.1),
+            half: DVec3::new(0.6, 0.02, 0.45),
             axes: ground.axes,
         };
         self.add(floor, ground.axes, stone, MATTE);
@@ -252,7 +255,7 @@ impl Builder {
             self.tint(3, [0.52, 0.48, 0.46]),
             0.1,
         );
-        self.plane(ground.at(0.0, 0.0, 0.6), -ground.axes.z_axis, cloth);
+        self.plane(DVec3::new(0.0, 0.0, 1.75), BACKDROP.normalize(), cloth);
         let axes = ground.turned(self.wobble(4, 0.5));
         let pedestal = Shape::Box {
             centre: ground.at(0.0, -0.05, 0.0),
