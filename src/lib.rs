@@ -17,3 +17,7 @@ pub mod folder;
 pub mod eval;
 pub mod config;
 pub mod api;
+pub mod darkroom;
+pub mod session;
+pub mod daemon;
+pub mod commands;

@@ -108,6 +108,7 @@ impl Made {
             timings_ms: &[("scene".into(), 12.3)],
             report: serde_json::json!({ "clipped_fraction": 0.1 }),
             warnings: &["The wall is a mirror.".into()],
+            attachments: &[],
         };
         output::write(&results, dir, existing, disk)
     }

@@ -7,6 +7,7 @@ mod light;
 
 pub use light::{CheckedLights, Light, LightError};
 
+use crate::output::Manifest;
 use drivers::DeviceInfo;
 use serde::{Deserialize, Serialize};
 
@@ -32,7 +33,7 @@ pub struct ShotReply {
     /// What lowers the trust in this answer, in words.
     pub warnings: Vec<String>,
     /// `shot.json`: time per stage, confidences and the BLAKE3 of every file.
-    pub shot: serde_json::Value,
+    pub shot: Manifest,
 }
 
 /// `GET /v1/status`.

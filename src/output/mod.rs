@@ -12,5 +12,5 @@ pub mod tone;
 pub use commit::{CommitError, Disk, Existing, FileEntry, FileSystem, Staging};
 pub use exr::{EncodeError, Precision};
 pub use manifest::{LightEntry, Manifest, ManifestError};
-pub use results::{OutputError, RelitView, Results, write};
+pub use results::{FRAMES, OutputError, RelitView, Results, write};
 pub use tone::Tone;

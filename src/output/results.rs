@@ -15,6 +15,9 @@ use rayon::prelude::*;
 use std::{borrow::Cow, path::Path};
 use thiserror::Error;
 
+/// Name of the recording of a shot's own frames, beside its results.
+pub const FRAMES: &str = "shot.mcap";
+
 /// The photograph under one light, as it is to be written.
 #[derive(Debug, Clone, Copy)]
 pub struct RelitView<'a> {
@@ -49,6 +52,8 @@ pub struct Results<'a> {
     pub report: serde_json::Value,
     /// What to know before trusting the pictures, in plain words.
     pub warnings: &'a [String],
+    /// Further files, as they are: name and contents.
+    pub attachments: &'a [(&'a str, &'a [u8])],
 }
 
 /// Why no results were written; nothing is left behind.
@@ -72,7 +77,8 @@ pub enum OutputError {
 
 /// True for the names this module gives to files.
 fn is_ours(name: &str) -> bool {
-    const FIXED: [&str; 6] = [
+    const FIXED: [&str; 7] = [
+        FRAMES,
         "albedo.exr",
         "normal.exr",
         "roughness.exr",
@@ -127,6 +133,9 @@ pub fn write(
         staging.put(name, &bytes).map_err(OutputError::from)
     };
 
+    for (name, bytes) in results.attachments {
+        put(name, Ok(bytes.to_vec()))?;
+    }
     let mut lights = Vec::with_capacity(results.relit.len());
     for (number, view) in results.relit.iter().enumerate() {
         let entry = LightEntry {

@@ -1,0 +1,115 @@
+//! The commands of `capturectl`, without its terminal: what each takes, does and answers.
+//!
+//! An answer goes to standard output, as text or as one JSON document; progress, notes and
+//! warnings go to standard error only.
+
+mod answer;
+mod calibrate;
+mod check_device;
+mod client;
+mod error;
+mod eval;
+mod import;
+mod info;
+mod lights;
+mod progress;
+mod record;
+mod relight;
+mod shoot;
+
+pub use answer::Answer;
+pub use client::{Client, ClientError};
+pub use error::CommandError;
+
+use crate::config::{Config, ConfigError};
+use clap::{Parser, Subcommand};
+use std::path::{Path, PathBuf};
+
+/// The configuration read when `--config` is not given and the file exists.
+const SYSTEM_CONFIG: &str = "/etc/captured/captured.toml";
+
+const EXIT_CODES: &str = "\
+Exit codes:
+  0  done (warnings stand on standard error and in the JSON answer)
+  1  check-device: the device broke a clause of the contract
+  2  the command line or a light makes no sense
+  3  a file, recording or capture folder is not what it claims to be
+  4  the device is not there, does not answer or was unplugged
+  5  a result could not be written
+  6  the shot cannot be developed (no flash in it, no depth in it)
+  7  the daemon is overloaded, stopping or broken
+
+Light directions: x right, y up, z toward the camera, pointing toward the light; any length.
+0,0,1 is the flash's own direction.";
+
+/// Takes shots with flash, no-flash and depth, and shows them under new light.
+#[derive(Debug, Parser)]
+#[command(name = "capturectl", version, after_help = EXIT_CODES, max_term_width = 100)]
+pub struct CommandLine {
+    /// Answer with one JSON document on standard output.
+    #[arg(long, global = true)]
+    pub json: bool,
+    /// Configuration file [default: /etc/captured/captured.toml where there is one].
+    #[arg(long, global = true, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Take a shot now, with the daemon where one runs, else in this process.
+    Shoot(shoot::Shoot),
+    /// Show a capture folder or a recording under new light.
+    Relight(relight::Relight),
+    /// Turn a capture folder into a recording.
+    Import(import::Import),
+    /// Record what a device delivers.
+    Record(record::Record),
+    /// Say what a capture folder, a recording or a result holds.
+    Info(info::Info),
+    /// List the devices that can be opened.
+    Devices,
+    /// Check that a device upholds the contract every driver must.
+    CheckDevice(check_device::CheckDevice),
+    /// Relight captures that have truth, and measure the error.
+    Eval(eval::Eval),
+    /// Measure something about a camera.
+    #[command(subcommand)]
+    Calibrate(calibrate::Calibrate),
+}
+
+impl CommandLine {
+    /// Does it.
+    ///
+    /// # Errors
+    /// [`CommandError`], from which the exit code follows.
+    pub fn run(self) -> Result<Answer, CommandError> {
+        let config = read_config(self.config.as_deref())?;
+        match self.command {
+            Command::Shoot(shoot) => shoot.run(&config),
+            Command::Relight(relight) => relight.run(&config),
+            Command::Import(import) => import.run(),
+            Command::Record(record) => record.run(&config),
+            Command::Info(info) => info.run(),
+            Command::Devices => check_device::list(),
+            Command::CheckDevice(check) => check.run(),
+            Command::Eval(eval) => eval.run(),
+            Command::Calibrate(calibrate) => calibrate.run(),
+        }
+    }
+}
+
+/// The configuration asked for, else the system's, else the defaults.
+///
+/// # Errors
+/// [`ConfigError`] for a file that cannot be read or used.
+pub fn read_config(asked: Option<&Path>) -> Result<Config, ConfigError> {
+    match asked {
+        Some(path) => Config::read(path),
+        None if Path::new(SYSTEM_CONFIG).exists() => Config::read(Path::new(SYSTEM_CONFIG)),
+        None => Ok(Config::default()),
+    }
+}

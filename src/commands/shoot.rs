@@ -1,0 +1,163 @@
+//! `shoot`: a shot, now.
+
+use super::{
+    Answer, CommandError, client::Client, error::ResultError, lights::LightArguments,
+    progress::Progress,
+};
+use crate::{
+    api::{CheckedLights, Light, ShotReply, ShotRequest},
+    config::Config,
+    output::{Disk, Existing, Staging},
+    session::{self, Kept},
+};
+use clap::Args;
+use std::{path::PathBuf, time::Duration};
+
+/// The light of `--relight` when none is given: above, to the right, in front.
+const USUAL_LIGHT: Light = Light::from_direction([0.6, 0.5, 0.62]);
+
+/// Arguments of `shoot`.
+#[derive(Debug, Args)]
+pub struct Shoot {
+    /// Develop the shot and show it under new light [default light: 0.6,0.5,0.62].
+    #[arg(long)]
+    relight: bool,
+    #[command(flatten)]
+    lights: LightArguments,
+    /// Address of the device [default: the daemon's, else the configured one].
+    #[arg(long, value_name = "ADDRESS")]
+    device: Option<String>,
+    /// Folder for the shot; must not exist yet, or be empty.
+    #[arg(long, value_name = "DIR", default_value = "shot")]
+    out: PathBuf,
+}
+
+/// What is said of a shot, whoever took it.
+struct Told {
+    by: &'static str,
+    device: String,
+    note: String,
+    kept: Kept,
+}
+
+impl Shoot {
+    pub(super) fn run(self, config: &Config) -> Result<Answer, CommandError> {
+        let mut lights = self.lights.read()?;
+        if !self.relight && !lights.is_empty() {
+            return Err(CommandError::Arguments(
+                "--light is given without --relight; add --relight".to_owned(),
+            ));
+        }
+        if self.relight && lights.is_empty() {
+            lights.push(USUAL_LIGHT);
+        }
+        let checked = CheckedLights::new(&lights, config.limits.lights)?;
+        let told = match self.daemon(config)? {
+            Some(client) => self.through(&client, config, lights)?,
+            None => self.within(config, &checked)?,
+        };
+        let Told {
+            by,
+            device,
+            note,
+            kept,
+        } = told;
+        let text = format!("{}: shot of {device}, taken {note}", self.out.display());
+        let json = serde_json::json!({
+            "by": by,
+            "device": device,
+            "out": self.out,
+            "files": kept.files,
+            "shot": kept.manifest,
+        });
+        Ok(Answer::new(text, &json)
+            .with_note(format!("taken {note}"))
+            .with_warnings(kept.warnings))
+    }
+
+    /// The daemon, where one runs and owns the device that is wanted.
+    fn daemon(&self, config: &Config) -> Result<Option<Client>, CommandError> {
+        let Some(client) = Client::find(&config.socket_candidates())? else {
+            return Ok(None);
+        };
+        let wanted = match &self.device {
+            Some(device) => client.status()?.device.address == *device,
+            None => true,
+        };
+        Ok(wanted.then_some(client))
+    }
+
+    /// Lets the daemon take the shot, and fetches it file by file through the socket: neither side
+    /// needs rights in the other's folders.
+    fn through(
+        &self,
+        client: &Client,
+        config: &Config,
+        lights: Vec<Light>,
+    ) -> Result<Told, CommandError> {
+        // Before the flash fires: a folder in the way should cost no shot.
+        let mut staging = Staging::begin(&Disk, &self.out, Existing::Refuse, |_| false)?;
+        let progress = Progress::of_unknown("the daemon takes the shot");
+        let request = ShotRequest {
+            relight: self.relight,
+            lights,
+        };
+        let patience = config.limits.request_time() + Duration::from_secs(5);
+        let ShotReply {
+            id,
+            device,
+            files,
+            warnings,
+            shot: manifest,
+        } = client.shoot(&request, patience)?;
+        for file in &files {
+            progress.doing(file);
+            let bytes = client.file(&id, file)?;
+            staging.put(file, &bytes)?;
+        }
+        for stated in &manifest.files {
+            if !staging.files().contains(stated) {
+                return Err(ResultError {
+                    path: self.out.join(&stated.name),
+                    problem: "did not arrive as the daemon wrote it".to_owned(),
+                    remedy: "take the shot again",
+                }
+                .into());
+            }
+        }
+        staging.commit()?;
+        let note = format!("by the daemon at {}", client.socket().display());
+        Ok(Told {
+            by: "daemon",
+            device,
+            note,
+            kept: Kept {
+                files,
+                warnings,
+                manifest,
+            },
+        })
+    }
+
+    /// Takes the shot in this process.
+    fn within(&self, config: &Config, lights: &CheckedLights) -> Result<Told, CommandError> {
+        drop(Staging::begin(&Disk, &self.out, Existing::Refuse, |_| {
+            false
+        })?);
+        let address = self.device.as_deref().unwrap_or(&config.device);
+        let mut device = drivers::open::open(address)?;
+        let progress = Progress::of_unknown("taking the shot");
+        let taken = session::take(device.as_mut(), &config.capture)?;
+        let lights = self.relight.then_some(lights);
+        let kept = session::keep(&taken, lights, &self.out, Existing::Refuse, &mut |stage| {
+            progress.doing(stage);
+        })?;
+        let note = "in this process; no daemon with this device was found".to_owned();
+        Ok(Told {
+            by: "process",
+            device: taken.info.address,
+            note,
+            kept,
+        })
+    }
+}

@@ -1,0 +1,288 @@
+//! From a shot to a folder of results: develop, light, write, and say what to doubt.
+
+use crate::{
+    api::FaultKind,
+    develop::{DevelopError, Development, Options, Stage, develop},
+    output::{Disk, Existing, Manifest, OutputError, RelitView, Results, write},
+    radiometry::linearise,
+    relight::{Lamp, RelightOptions, Relit},
+    shot::{DropCounts, Shot},
+};
+use drivers::Plane;
+use std::{path::Path, time::Instant};
+use thiserror::Error;
+
+/// Fraction of pixels from which something is worth a warning.
+const WORTH_SAYING: f32 = 0.25;
+/// Fraction of pixels whose way to the light leaves the picture from which that is worth a warning:
+/// under a slanted light it does so for half of any picture.
+const UNSEEN: f32 = 0.75;
+/// Fraction of usable pixels within the noise from which there is no flash in the picture.
+const NO_FLASH: f32 = 0.98;
+
+/// What is to be made.
+#[derive(Debug)]
+pub struct Order<'a> {
+    /// The frames.
+    pub shot: &'a Shot,
+    /// Where they came from.
+    pub source: Source<'a>,
+    /// Distant lights, in the order of the numbered results.
+    pub lamps: &'a [Lamp],
+    /// What the caller knows to lower the trust.
+    pub warnings: Vec<String>,
+    /// Further files of the folder: name and contents.
+    pub attachments: &'a [(&'a str, &'a [u8])],
+}
+
+/// Where a shot came from.
+#[derive(Debug, Clone, Copy)]
+pub struct Source<'a> {
+    /// A folder, file or device, for people.
+    pub name: &'a str,
+    /// Frames that became part of no shot; `None` where frames were not put together.
+    pub drops: Option<DropCounts>,
+}
+
+/// Why there are no results.
+#[derive(Debug, Error)]
+#[expect(missing_docs, reason = "the messages say it")]
+pub enum DarkroomError {
+    #[error(transparent)]
+    Develop(#[from] DevelopError),
+    #[error(
+        "{source_name}: no flash in the shot: {weak_percent:.1} % of its flash-only light is within the noise (median {snr_db:.1} dB); check that the flash fires and that flash and ambient frames are not exchanged"
+    )]
+    NoFlash {
+        source_name: String,
+        weak_percent: f32,
+        snr_db: f32,
+    },
+    #[error(transparent)]
+    Output(#[from] OutputError),
+}
+
+impl DarkroomError {
+    /// Which part failed.
+    pub fn kind(&self) -> FaultKind {
+        match self {
+            Self::Develop(_) | Self::NoFlash { .. } => FaultKind::Shot,
+            Self::Output(_) => FaultKind::Output,
+        }
+    }
+}
+
+/// Develops a shot, sets it into every light and writes the folder.
+///
+/// `observe` hears what is being done.
+///
+/// # Errors
+/// [`DarkroomError::Develop`] and [`DarkroomError::NoFlash`] when the shot cannot answer;
+/// [`DarkroomError::Output`] when the folder exists or cannot be written. Nothing is left behind.
+pub fn print(
+    order: &Order<'_>,
+    folder: &Path,
+    existing: Existing,
+    observe: &mut dyn FnMut(&str),
+) -> Result<Manifest, DarkroomError> {
+    let clock = &mut Clock::default();
+    let development = develop(order.shot, &Options::default(), &mut |stage: Stage| {
+        clock.begin(name_of(stage));
+        observe(stage.description());
+    })?;
+    refuse_without_flash(order, &development)?;
+    clock.begin("relight");
+    let mut relit = Vec::with_capacity(order.lamps.len());
+    for (index, lamp) in order.lamps.iter().enumerate() {
+        observe(&format!("light {} of {}", index + 1, order.lamps.len()));
+        let answer = development
+            .prepared
+            .relight(lamp, RelightOptions::default());
+        relit.push(development.finish(answer));
+    }
+    let timings_ms = clock.end();
+    observe("writing");
+    let mut warnings = order.warnings.clone();
+    warnings.extend(doubts(order.lamps, &development, &relit));
+    let labels: Vec<String> = order.lamps.iter().map(label).collect();
+    let views: Vec<RelitView<'_>> = relit
+        .iter()
+        .zip(order.lamps)
+        .zip(&labels)
+        .map(|((relit, lamp), label)| RelitView {
+            toward_person: lamp.person_direction(),
+            label,
+            relit: &relit.light,
+            shadow: &relit.shadow,
+        })
+        .collect();
+    let flash = linearise(&order.shot.flash).ok();
+    let ambient = order
+        .shot
+        .ambient
+        .first()
+        .and_then(|frame| linearise(frame).ok());
+    let results = Results {
+        source: order.source.name,
+        flash: flash.as_ref(),
+        ambient: ambient.as_ref(),
+        flash_only: &development.flash_only.light,
+        scene: &development.scene,
+        relit: &views,
+        timings_ms: &timings_ms,
+        report: report(order, &development, &relit),
+        warnings: &warnings,
+        attachments: order.attachments,
+    };
+    Ok(write(&results, folder, existing, &Disk)?)
+}
+
+/// Times what begins and ends by turns.
+#[derive(Default)]
+struct Clock {
+    running: Option<(&'static str, Instant)>,
+    times_ms: Vec<(String, f64)>,
+}
+
+impl Clock {
+    fn begin(&mut self, name: &'static str) {
+        self.stop();
+        self.running = Some((name, Instant::now()));
+    }
+
+    fn stop(&mut self) {
+        if let Some((name, began)) = self.running.take() {
+            self.times_ms
+                .push((name.to_owned(), began.elapsed().as_secs_f64() * 1e3));
+        }
+    }
+
+    fn end(&mut self) -> Vec<(String, f64)> {
+        self.stop();
+        std::mem::take(&mut self.times_ms)
+    }
+}
+
+/// The stage's name in `shot.json`.
+fn name_of(stage: Stage) -> &'static str {
+    match stage {
+        Stage::Radiometry => "radiometry",
+        Stage::Registration => "registration",
+        Stage::Scene => "scene",
+        Stage::Prepare => "prepare",
+    }
+}
+
+fn label(lamp: &Lamp) -> String {
+    let [x, y, z] = lamp.person_direction();
+    format!("{x:.2},{y:.2},{z:.2}")
+}
+
+/// A picture that holds noise alone has no answer.
+fn refuse_without_flash(order: &Order<'_>, development: &Development) -> Result<(), DarkroomError> {
+    let found = &development.flash_only.report;
+    if found.weak_fraction < NO_FLASH {
+        return Ok(());
+    }
+    Err(DarkroomError::NoFlash {
+        source_name: order.source.name.to_owned(),
+        weak_percent: 100.0 * found.weak_fraction,
+        snr_db: found.snr_db,
+    })
+}
+
+/// What the stages found, for `shot.json`.
+fn report(order: &Order<'_>, development: &Development, relit: &[Relit]) -> serde_json::Value {
+    let unseen: Vec<f32> = relit
+        .iter()
+        .map(|relit| relit.unseen_path_fraction)
+        .collect();
+    serde_json::json!({
+        "subtraction": development.flash_only.report,
+        "depth_measured_fraction": fraction(&development.registered.measured, |measured| *measured),
+        "depth_known_fraction": fraction(&development.registered.metres, |metres| !metres.is_nan()),
+        "confidence_mean": mean_confidence(development),
+        "unseen_path_fraction": unseen,
+        "drops": order.source.drops,
+    })
+}
+
+/// What should lower the trust in the answer, in words.
+fn doubts(lamps: &[Lamp], development: &Development, relit: &[Relit]) -> Vec<String> {
+    let found = &development.flash_only.report;
+    let known = fraction(&development.registered.metres, |metres| !metres.is_nan());
+    let confidence = mean_confidence(development);
+    let mut doubts = Vec::new();
+    let mut doubt = |applies: bool, words: String| {
+        if applies {
+            doubts.push(words);
+        }
+    };
+    let percent = |fraction: f32| format!("{:.0} %", 100.0 * fraction);
+    doubt(
+        found.weak_fraction > WORTH_SAYING,
+        format!(
+            "the flash is weak: {} of its light is within the noise (median {:.1} dB); go nearer or darken the room",
+            percent(found.weak_fraction),
+            found.snr_db
+        ),
+    );
+    doubt(
+        found.clipped_fraction > WORTH_SAYING,
+        format!(
+            "{} of the photograph is clipped and has no answer; shorten the exposure or step back",
+            percent(found.clipped_fraction)
+        ),
+    );
+    doubt(
+        found.moved_fraction > WORTH_SAYING,
+        format!(
+            "{} of the picture moved between the frames and has no answer",
+            percent(found.moved_fraction)
+        ),
+    );
+    doubt(
+        known < 1.0 - WORTH_SAYING,
+        format!(
+            "depth is known for only {} of the photograph",
+            percent(known)
+        ),
+    );
+    doubt(
+        confidence < WORTH_SAYING,
+        format!("low confidence: {confidence:.2} of 1 on average over the known pixels"),
+    );
+    for (lamp, relit) in lamps.iter().zip(relit) {
+        doubt(
+            relit.unseen_path_fraction > UNSEEN,
+            format!(
+                "light {}: for {} of the pixels the way to the light leaves the picture; what stands there is unknown",
+                label(lamp),
+                percent(relit.unseen_path_fraction)
+            ),
+        );
+    }
+    doubts
+}
+
+fn mean_confidence(development: &Development) -> f32 {
+    let known = development
+        .scene
+        .confidence
+        .samples()
+        .iter()
+        .filter(|value| value.is_finite());
+    let (sum, count) = known.fold((0.0f64, 0u32), |(sum, count), value| {
+        (sum + f64::from(*value), count + 1)
+    });
+    (sum / f64::from(count.max(1))) as f32
+}
+
+fn fraction<T>(plane: &Plane<T>, counts: impl Fn(&T) -> bool) -> f32 {
+    let counted = plane
+        .samples()
+        .iter()
+        .filter(|sample| counts(sample))
+        .count();
+    counted as f32 / plane.len().max(1) as f32
+}

@@ -1,0 +1,68 @@
+//! Frames from a device until a shot is whole.
+
+use super::SessionError;
+use crate::{
+    config::Capture,
+    shot::{Assembler, DropCounts, Limits, Shot},
+};
+use drivers::{Device, DeviceInfo, DriverError, Settings};
+use std::time::Instant;
+
+/// A shot and where it came from.
+#[derive(Debug, Clone)]
+pub struct Taken {
+    /// The frames.
+    pub shot: Shot,
+    /// The device.
+    pub info: DeviceInfo,
+    /// What was asked of it.
+    pub settings: Settings,
+    /// Frames that became part of no shot while this one was waited for.
+    pub drops: DropCounts,
+}
+
+/// Streams from `device` until one shot is whole; the device has stopped when this returns.
+///
+/// # Errors
+/// [`SessionError::Device`] when the device fails or is silent for longer than its patience;
+/// [`SessionError::NoShot`] when it streams past the deadline, or ends, without a whole shot.
+pub fn take(device: &mut dyn Device, capture: &Capture) -> Result<Taken, SessionError> {
+    let settings = capture.settings();
+    let info = device.info();
+    let mut assembler = Assembler::new(device.rig(), Limits::default());
+    let started = Instant::now();
+    let mut heard = started;
+    let mut stream = device.start(&settings)?;
+    let shot = loop {
+        let left = capture.deadline().saturating_sub(started.elapsed());
+        if left.is_zero() {
+            break None;
+        }
+        match stream.next_frame(capture.patience().min(left)) {
+            Ok(frame) => {
+                heard = Instant::now();
+                if let Some(shot) = assembler.push(frame) {
+                    break Some(shot);
+                }
+            }
+            Err(DriverError::Ended { .. }) => break assembler.finish().into_iter().next(),
+            // A stream may be asked again after a silence; how long in all, the owner decides.
+            Err(DriverError::Timeout { .. }) if heard.elapsed() < capture.patience() => {}
+            Err(error) => return Err(error.into()),
+        }
+    };
+    drop(stream);
+    let drops = *assembler.drops();
+    let waited = started.elapsed();
+    let shot = shot.ok_or_else(|| SessionError::NoShot {
+        device: info.address.clone(),
+        waited,
+        drops,
+    })?;
+    Ok(Taken {
+        shot,
+        info,
+        settings,
+        drops,
+    })
+}

@@ -1,0 +1,96 @@
+//! Lights on the command line: what is accepted, what is refused, what is warned about.
+
+use crate::{capture::Capture, capturectl, names_in};
+
+struct Case(&'static [&'static str], i32, &'static [&'static str]);
+
+#[test]
+fn lights_that_mean_nothing_are_refused_before_anything_is_written() {
+    let folder = tempfile::tempdir().unwrap();
+    Capture::GOOD.write(&folder.path().join("good"));
+    let cases = [
+        Case(&[], 2, &["no light given", "--light x,y,z", "--lights"]),
+        Case(&["--light", "0,0,0"], 2, &["light 0", "0,0,1"]),
+        Case(
+            &["--light", "0,0,1", "--light", "nan,0,1"],
+            2,
+            &["light 1", "finite"],
+        ),
+        Case(&["--light", "1,2"], 2, &["\"1,2\"", "x,y,z"]),
+        Case(
+            &["--lights", "absent.toml"],
+            3,
+            &["absent.toml", "[[light]]"],
+        ),
+        Case(
+            &["--lights", "good/capture.toml"],
+            3,
+            &["good/capture.toml", "[[light]]"],
+        ),
+    ];
+    for Case(lights, code, words) in cases {
+        let arguments = [&["relight", "good", "--out", "relit"], lights].concat();
+        capturectl(folder.path(), &arguments).refuses(code, words);
+        assert_eq!(names_in(folder.path()), ["good"], "{lights:?}");
+    }
+}
+
+#[test]
+fn a_light_from_behind_is_answered_and_warned_about() {
+    let folder = tempfile::tempdir().unwrap();
+    Capture::GOOD.write(&folder.path().join("good"));
+    let arguments = [
+        "--json",
+        "relight",
+        "good",
+        "--light",
+        "0.2,0.1,-1",
+        "--out",
+        "relit",
+    ];
+    let ran = capturectl(folder.path(), &arguments);
+    ran.succeeds();
+    assert!(ran.err.contains("behind"), "{ran:#?}");
+    assert!(
+        ran.json()["warnings"]
+            .to_string()
+            .contains("low confidence"),
+        "{ran:#?}"
+    );
+    assert!(folder.path().join("relit/relit_000.exr").is_file());
+}
+
+#[test]
+fn lights_of_a_file_come_after_those_of_the_command_line() {
+    let folder = tempfile::tempdir().unwrap();
+    Capture::GOOD.write(&folder.path().join("good"));
+    std::fs::write(
+        folder.path().join("lights.toml"),
+        "[[light]]\ndirection = [0, 0, 1]\nintensity = [0.5, 0.5, 0.5]\n\
+         [[light]]\ndirection = [1, 0, 1]\n",
+    )
+    .unwrap();
+    let arguments = [
+        "relight",
+        "good",
+        "--lights",
+        "lights.toml",
+        "--light",
+        "-1,0,1",
+        "--out",
+        "relit",
+    ];
+    capturectl(folder.path(), &arguments).succeeds();
+    let names = names_in(&folder.path().join("relit"));
+    for index in 0..3 {
+        assert!(
+            names.contains(&format!("relit_{index:03}.exr")),
+            "{names:?}"
+        );
+        assert!(
+            names.contains(&format!("shadow_{index:03}.png")),
+            "{names:?}"
+        );
+    }
+    assert!(!names.contains(&"relit_003.exr".to_owned()));
+}

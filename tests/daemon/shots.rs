@@ -1,0 +1,110 @@
+//! Shots through the daemon, and what becomes of them when it goes away.
+
+use crate::Daemon;
+
+const SHOOT: [&str; 6] = [
+    "--json",
+    "shoot",
+    "--relight",
+    "--light",
+    "0.5,0.4,0.8",
+    "--out",
+];
+
+fn shoot(daemon: &Daemon, out: &str) -> (Option<i32>, serde_json::Value, String) {
+    let (code, text, err) = daemon.capturectl(&[&SHOOT[..], &[out]].concat());
+    let answer = serde_json::from_str(&text).unwrap_or_else(|_| panic!("no JSON: {text} {err}"));
+    (code, answer, err)
+}
+
+#[test]
+fn a_shot_through_the_socket_is_the_shot_taken_in_process() {
+    let mut daemon = Daemon::start("synthetic:desk");
+    let (code, answer, err) = shoot(&daemon, "through");
+    assert_eq!(code, Some(0), "{err}");
+    assert_eq!(answer["by"], "daemon", "{answer}");
+    assert!(err.contains("captured.sock"), "does not say which: {err}");
+    let (_, status) = daemon.send("GET", "/v1/status", "");
+    assert_eq!(status["shots"], 1);
+    assert_eq!(status["in_use"], false);
+
+    // SIGKILL leaves the socket behind: a client must not take it for a daemon.
+    assert_eq!(daemon.end_by("KILL"), None);
+    assert!(daemon.socket().exists());
+    let (code, answer, err) = shoot(&daemon, "within");
+    assert_eq!(code, Some(0), "{err}");
+    assert_eq!(answer["by"], "process", "{answer}");
+    assert!(err.contains("in this process"), "does not say which: {err}");
+
+    let folder = daemon.folder.path();
+    for name in [
+        "relit_000.exr",
+        "relit_000.png",
+        "shadow_000.png",
+        "albedo.exr",
+        "normal.exr",
+    ] {
+        let read = |out: &str| std::fs::read(folder.join(out).join(name)).expect(name);
+        assert!(read("through") == read("within"), "{name} differs");
+    }
+}
+
+#[test]
+fn every_file_of_a_shot_arrives_with_the_hash_its_manifest_states() {
+    let daemon = Daemon::start("synthetic:desk");
+    let (code, _, err) = shoot(&daemon, "shot");
+    assert_eq!(code, Some(0), "{err}");
+    let shot = daemon.folder.path().join("shot");
+    let manifest: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(shot.join("shot.json")).unwrap()).unwrap();
+    let files = manifest["files"].as_array().unwrap();
+    assert!(files.len() >= 8, "{manifest}");
+    for file in files {
+        let bytes = std::fs::read(shot.join(file["name"].as_str().unwrap())).unwrap();
+        assert_eq!(
+            blake3::hash(&bytes).to_hex().as_str(),
+            file["blake3"],
+            "{file}"
+        );
+    }
+}
+
+#[test]
+fn a_device_that_is_unplugged_fails_the_shot_and_not_the_daemon() {
+    let daemon = Daemon::start("flaky:unplug=1:synthetic:desk");
+    let (code, answer, err) = shoot(&daemon, "shot");
+    assert_eq!(code, Some(4), "{err}");
+    assert_eq!(answer["error"]["kind"], "device", "{answer}");
+    assert!(
+        answer["error"]["message"]
+            .as_str()
+            .unwrap()
+            .contains("unplugged"),
+        "{answer}"
+    );
+    assert!(!daemon.folder.path().join("shot").exists());
+    let (status, body) = daemon.send("GET", "/v1/status", "");
+    assert_eq!((status, &body["failures"]), (200, &serde_json::json!(1)));
+}
+
+#[test]
+fn told_to_stop_it_stops_and_leaves_no_socket() {
+    for signal in ["TERM", "INT"] {
+        let mut daemon = Daemon::start("synthetic:desk");
+        assert_eq!(daemon.end_by(signal), Some(0), "{signal}");
+        assert_eq!(daemon.notification(), "STOPPING=1");
+        assert!(!daemon.socket().exists());
+    }
+}
+
+#[test]
+fn a_second_daemon_does_not_take_the_socket_of_the_first() {
+    let daemon = Daemon::start("synthetic:desk");
+    let (code, message) = daemon.start_another();
+    assert_ne!(code, Some(0));
+    assert!(
+        message.contains("captured.sock") && message.contains("listens"),
+        "{message}"
+    );
+    assert_eq!(daemon.send("GET", "/v1/status", "").0, 200);
+}
