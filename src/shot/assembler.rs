@@ -60,15 +60,15 @@ const REMEMBERED: usize = 256;
 pub struct Assembler {
     rig: Rig,
     limits: Limits,
-    color: Vec<Pending>,
-    depth: Vec<DepthFrame>,
-    color_seen: Seen,
+    pub(super) color: Vec<Pending>,
+    pub(super) depth: Vec<DepthFrame>,
+    pub(super) color_seen: Seen,
     depth_seen: Seen,
     drops: DropCounts,
 }
 
 #[derive(Debug)]
-struct Pending {
+pub(super) struct Pending {
     frame: ColorFrame,
     brightness: Brightness,
     /// Color frames that came since and were exposed later.
@@ -77,8 +77,8 @@ struct Pending {
 
 /// Start times of frames that were let in.
 #[derive(Debug, Default)]
-struct Seen {
-    times: BTreeSet<Timestamp>,
+pub(super) struct Seen {
+    pub(super) times: BTreeSet<Timestamp>,
     /// Everything up to here was forgotten.
     floor: Option<Timestamp>,
 }

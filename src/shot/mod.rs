@@ -3,6 +3,8 @@
 mod assembler;
 mod drops;
 mod evidence;
+#[cfg(test)]
+mod tests;
 
 pub use assembler::{Assembler, Limits};
 pub use drops::DropCounts;
