@@ -1,8 +1,16 @@
 //! The stage: light + depth → [`Scene`].
 
 use super::{
-    Scene, albedo, confidence::confidence, edges::edges, noise::noise_ratio, normals::normals,
-    rays::rays, regions::regions, roughness::roughness, smooth, thickness::thickness,
+    Scene, albedo,
+    confidence::confidence,
+    edges::edges,
+    noise::{Noise, noise},
+    normals::normals,
+    rays::rays,
+    regions::regions,
+    roughness::roughness,
+    smooth,
+    thickness::thickness,
 };
 use crate::{radiometry::FlashOnly, registration::RegisteredDepth};
 use drivers::{Intrinsics, Plane, Rig};
@@ -265,16 +273,21 @@ fn smoothed(
             };
             *sigma = metres / (z * z);
         });
-    // A coarser depth grid smears its noise over as many pixels as it is coarser.
+    // Depth from a camera of its own has been interpolated, and often smoothed by the maker; depth
+    // on the color grid has not, and there a wider spacing would take relief for noise.
     let coarseness = rig
         .depth
-        .map_or(1.0, |depth| f64::from(focal) / depth.lens.fx)
-        .clamp(1.0, 16.0);
+        .map_or(0.5, |depth| f64::from(focal) / depth.lens.fx)
+        .clamp(0.5, 4.0);
     let steps: Vec<usize> = [1, 2, 4, 8, 16]
         .into_iter()
-        .filter(|&step| step <= 2 || (step as f64) < 2.0 * coarseness)
+        .filter(|&step| step as f64 <= 4.0 * coarseness)
         .collect();
-    let ratio = smoothing * noise_ratio(&value, &sigma, &steps).unwrap_or(0.0);
+    let Noise { ratio, spacing } = noise(&value, &sigma, &steps).unwrap_or(Noise {
+        ratio: 0.0,
+        spacing: 1,
+    });
+    let ratio = smoothing * ratio;
     // Never exactly certain: zero variance would make every comparison a division by zero.
     sigma
         .samples_mut()
@@ -283,7 +296,7 @@ fn smoothed(
         .for_each(|(s, w)| {
             *s = (*s * ratio).max(1e-6 * w);
         });
-    let noise = median(
+    let in_pitches = median(
         sigma
             .samples()
             .iter()
@@ -291,10 +304,8 @@ fn smoothed(
             .map(|(s, w)| focal * s / w),
     );
     let variance = sigma.map(|s| s * s);
-    smooth::smooth(
-        smooth::InverseDepth { value, variance },
-        smooth::levels_for(noise),
-    )
+    let levels = smooth::levels_for(in_pitches / spacing as f32);
+    smooth::smooth(smooth::InverseDepth { value, variance }, levels, spacing)
 }
 
 /// Median of the numbers that are none NaN, from a sample of them; NaN without any.

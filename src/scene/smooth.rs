@@ -36,15 +36,19 @@ pub(super) fn levels_for(noise_in_pitches: f32) -> u32 {
 ///
 /// Taps are taken in pairs left and right of a pixel and judged by their *mean*, so that a slant
 /// costs nothing; a pair that contradicts the pixel by over three sigma is given up for whichever
-/// of its taps agrees alone. Weights are Tukey's. Unknown pixels stay unknown.
-pub(super) fn smooth(mut depth: InverseDepth, levels: u32) -> InverseDepth {
+/// of its taps agrees alone. Weights are Tukey's. Unknown pixels stay unknown. The first level's
+/// taps stand `spacing` pixels apart, where noise is independent; what is finer than that is
+/// smoothed last, and gains no certainty.
+pub(super) fn smooth(mut depth: InverseDepth, levels: u32, spacing: usize) -> InverseDepth {
     let (width, height) = depth.value.size();
     if width == 0 || height == 0 {
         return depth;
     }
     let mut next = depth.clone();
-    for level in 0..levels {
-        let step = 1usize << level;
+    let independent = (0..levels).map(|level| (spacing << level, true));
+    let finer = (0..spacing.ilog2()).rev().map(|level| (1 << level, false));
+    let finer = finer.take(if levels > 0 { usize::MAX } else { 0 });
+    for (step, gains) in independent.chain(finer) {
         for (dx, dy) in [(step, 0), (0, step)] {
             let (from, to) = (&depth, &mut next);
             let values = to.value.samples_mut().par_chunks_mut(width);
@@ -58,6 +62,9 @@ pub(super) fn smooth(mut depth: InverseDepth, levels: u32) -> InverseDepth {
                         (0..height as isize).contains(&row).then_some(row as usize)
                     });
                     filter_row(from, rows, dx, y, value, variance);
+                    if !gains {
+                        variance.copy_from_slice(from.variance.row(y));
+                    }
                 });
             std::mem::swap(&mut depth, &mut next);
         }

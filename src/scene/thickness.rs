@@ -168,11 +168,10 @@ fn body(
         first + 1
     })) / length;
     let chord = 0.5 * (z_first + z_last) * step * (last - first + 1) as f32;
-    let flat = (box_share() * chord - bulge).max(0.0);
+    let flat = (BOX_SHARE * chord - bulge).max(0.0);
     for i in first..=last {
         set(i, mirrored(i).max(0.0) + flat);
     }
 }
-fn box_share() -> f32 {
     std::env::var("BOX").map_or(BOX_SHARE, |v| v.parse().unwrap())
 }
