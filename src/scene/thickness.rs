@@ -173,5 +173,3 @@ fn body(
         set(i, mirrored(i).max(0.0) + flat);
     }
 }
-    std::env::var("BOX").map_or(BOX_SHARE, |v| v.parse().unwrap())
-}
