@@ -40,61 +40,17 @@ def scene(split, index, seed, light_count):
     layout = str(rng.choice(["desk", "wall", "free"], p=[0.55, 0.2, 0.25]))
     fov, distance = rng.uniform(40, 70), np.exp(rng.uniform(np.log(0.6), np.log(2.2)))
     view = distance * np.tan(np.radians(fov / 2))  # half the width of the field at that distance
-    made = []  # (corners, normals, uv, tile) in the world frame, z up
-    planes = []  # (normal, offset) in the world frame: lights must stand above them
+    pitch, yaw, made, planes = _supports(rng, layout, distance, view)
     used = []
-    if layout == "desk":
-        pitch, yaw = np.radians(rng.uniform(18, 70)), 0.0
-        half = 6 * distance
-        made.append(_plane(half, view * rng.uniform(0.8, 2.0), 0))
-        planes.append(np.array([0, 0, 1.0]))
-        if rng.random() < 0.45:
-            turn = rng.uniform(-0.6, 0.6)
-            back = np.array([np.sin(turn), -np.cos(turn), 0])
-            frame = np.stack([np.cross(back, [0, 0, 1.0]) * -1, np.array([0, 0, 1.0]), back], 1)
-            made.append(_moved(_plane(half, view * rng.uniform(0.8, 2.0), 1), frame, -back * view * rng.uniform(0.5, 1.2)))
-            planes.append(back)
-    elif layout == "wall":
-        pitch, yaw = np.radians(rng.uniform(-25, 25)), rng.uniform(-0.6, 0.6)
-        frame = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]])  # plane normal +z becomes world -y, toward the camera
-        made.append(_moved(_plane(6 * distance, view * rng.uniform(0.8, 2.0), 0), frame, np.zeros(3)))
-        planes.append(np.array([0, -1.0, 0]))
-    else:
-        pitch, yaw = np.radians(rng.uniform(-30, 60)), rng.uniform(-np.pi, np.pi)
-    crowded = layout == "free"  # nothing else fills the picture there
-    for _ in range(rng.integers(4, 10) if crowded else rng.integers(3, 11)):
+    for _ in range(rng.integers(4, 10) if layout == "free" else rng.integers(3, 11)):
         shape_id = draw()
         family, vertices, faces = shape(shape_id)
-        size = view * np.exp(rng.uniform(np.log(0.35 if crowded else 0.18), np.log(1.1 if crowded else 0.85)))
-        upright = rng.random() < (0.6 if layout == "desk" else 0.2)
-        turn = trimesh.transformations.random_rotation_matrix(rng.random(3))[:3, :3]
-        if upright:
-            turn = trimesh.transformations.rotation_matrix(rng.uniform(0, 6.28), [0, 0, 1])[:3, :3]
-        vertices = vertices @ turn.T * size
-        x, y = rng.uniform(-1, 1, 2) * (0.45 if crowded else 0.65) * view
-        if layout == "desk":
-            vertices += [x, y, -vertices[:, 2].min() - 1e-4 * distance]
-            if rng.random() < 0.12:
-                vertices[:, 2] += rng.uniform(0.05, 0.5) * view
-        elif layout == "wall":
-            sink = rng.uniform(-0.4, 0.6) * (vertices[:, 1].max() - vertices[:, 1].min())
-            vertices += [x, -vertices[:, 1].max() + max(sink, -0.3 * view), y]
-        else:
-            vertices += [x, rng.uniform(-0.6, 0.6) * view, y]
+        vertices, size = _placed(rng, layout, vertices, view, distance)
         made.append(_object(vertices, faces, 2 + int(rng.integers(6)), rng.uniform(0.6, 2.0) / size))
         used.append({"shape": shape_id, "family": family})
-    forward = np.array([np.sin(yaw) * np.cos(pitch), np.cos(yaw) * np.cos(pitch), -np.sin(pitch)])
-    right = np.cross(forward, [0, 0, 1.0])
-    right /= np.linalg.norm(right)
-    down = np.cross(forward, right)
-    roll = rng.normal(0, 0.06)
-    right, down = np.cos(roll) * right + np.sin(roll) * down, np.cos(roll) * down - np.sin(roll) * right
-    to_camera = np.stack([right, down, forward])  # rows: camera axes in the world
+    to_camera = _looking(rng, pitch, yaw)
     centre = np.array([0, 0, 0.3 * view if layout == "desk" else 0.0])
-    corners = np.concatenate([m[0] for m in made])
-    normals = np.concatenate([m[1] for m in made])
-    uv = np.concatenate([m[2] for m in made])
-    tile = np.concatenate([m[3] for m in made])
+    corners, normals, uv, tile = (np.concatenate([m[k] for m in made]) for k in range(4))
     corners = (corners - centre) @ to_camera.T + [0, 0, distance]
     # nothing may touch or enclose the lens: an object that comes too near is left out whole
     part = np.repeat(np.arange(len(made)), [len(m[0]) for m in made])
@@ -102,7 +58,6 @@ def scene(split, index, seed, light_count):
     np.minimum.at(nearest, part, corners[:, :, 2].min(1))
     kept = (nearest > 0.15 * distance)[part] | (tile < 2)
     texture_ids = [draw() for _ in range(8)]
-    up = to_camera @ [0, 0, 1.0]
     return Scene(
         corners=corners[kept],
         normals=(normals @ to_camera.T)[kept],
@@ -112,17 +67,74 @@ def scene(split, index, seed, light_count):
         fov_degrees=fov,
         lights=_lights(rng, light_count, [to_camera @ p for p in planes]),
         flash_position=np.r_[rng.uniform(0.008, 0.03) * _unit(rng.normal(size=2)), 0.0],
-        ambient={
-            "share": rng.uniform(0.1, 0.6),  # of the flash photograph's mean
-            "up": up,
-            "sky": rng.uniform(0.2, 0.6) * np.array([1, rng.uniform(0.8, 1), rng.uniform(0.6, 1)]),
-            "ground": rng.uniform(0.05, 0.25) * np.ones(3),
-            "lamps": [(up * rng.uniform(1.2, 2.0) * distance + rng.normal(0, 0.8, 3) * distance, rng.uniform(0.3, 1.5) * distance**2)
-                      for _ in range(2)],
-        },
+        ambient=_room(rng, to_camera @ [0, 0, 1.0], distance),
         facts={"split": split, "index": index, "seed": seed, "layout": layout, "distance_metres": distance,
                "objects": used, "textures": texture_ids},
     )
+
+
+def _supports(rng, layout, distance, view):
+    """The camera's pitch and yaw, the support's parts, and the normals lights must stand above (world frame, z up)."""
+    if layout == "free":
+        return np.radians(rng.uniform(-30, 60)), rng.uniform(-np.pi, np.pi), [], []
+    if layout == "wall":
+        pitch, yaw = np.radians(rng.uniform(-25, 25)), rng.uniform(-0.6, 0.6)
+        frame = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]])  # plane normal +z becomes world -y, toward the camera
+        wall = _moved(_plane(6 * distance, view * rng.uniform(0.8, 2.0), 0), frame, np.zeros(3))
+        return pitch, yaw, [wall], [np.array([0, -1.0, 0])]
+    pitch, half = np.radians(rng.uniform(18, 70)), 6 * distance
+    made, planes = [_plane(half, view * rng.uniform(0.8, 2.0), 0)], [np.array([0, 0, 1.0])]
+    if rng.random() < 0.45:
+        turn = rng.uniform(-0.6, 0.6)
+        back = np.array([np.sin(turn), -np.cos(turn), 0])
+        frame = np.stack([np.cross([0, 0, 1.0], back), np.array([0, 0, 1.0]), back], 1)
+        made.append(_moved(_plane(half, view * rng.uniform(0.8, 2.0), 1), frame, -back * view * rng.uniform(0.5, 1.2)))
+        planes.append(back)
+    return pitch, 0.0, made, planes
+
+
+def _placed(rng, layout, vertices, view, distance):
+    """The shape turned, sized and put in the layout: vertices in the world frame and its longest side in metres."""
+    crowded = layout == "free"  # nothing else fills the picture there
+    size = view * np.exp(rng.uniform(np.log(0.35 if crowded else 0.18), np.log(1.1 if crowded else 0.85)))
+    upright = rng.random() < (0.6 if layout == "desk" else 0.2)
+    turn = trimesh.transformations.random_rotation_matrix(rng.random(3))[:3, :3]
+    if upright:
+        turn = trimesh.transformations.rotation_matrix(rng.uniform(0, 6.28), [0, 0, 1])[:3, :3]
+    vertices = vertices @ turn.T * size
+    x, y = rng.uniform(-1, 1, 2) * (0.45 if crowded else 0.65) * view
+    if layout == "desk":
+        vertices += [x, y, -vertices[:, 2].min() - 1e-4 * distance]
+        if rng.random() < 0.12:
+            vertices[:, 2] += rng.uniform(0.05, 0.5) * view
+    elif layout == "wall":
+        sink = rng.uniform(-0.4, 0.6) * (vertices[:, 1].max() - vertices[:, 1].min())
+        vertices += [x, -vertices[:, 1].max() + max(sink, -0.3 * view), y]
+    else:
+        vertices += [x, rng.uniform(-0.6, 0.6) * view, y]
+    return vertices, size
+
+
+def _looking(rng, pitch, yaw):
+    """Rows: the camera's axes in the world, rolled by a few degrees."""
+    forward = np.array([np.sin(yaw) * np.cos(pitch), np.cos(yaw) * np.cos(pitch), -np.sin(pitch)])
+    right = _unit(np.cross(forward, [0, 0, 1.0]))
+    down = np.cross(forward, right)
+    roll = rng.normal(0, 0.06)
+    right, down = np.cos(roll) * right + np.sin(roll) * down, np.cos(roll) * down - np.sin(roll) * right
+    return np.stack([right, down, forward])
+
+
+def _room(rng, up, distance):
+    """Room light: two lamps overhead and a sky that brightens upward."""
+    return {
+        "share": rng.uniform(0.1, 0.6),  # of the flash photograph's mean
+        "up": up,
+        "sky": rng.uniform(0.2, 0.6) * np.array([1, rng.uniform(0.8, 1), rng.uniform(0.6, 1)]),
+        "ground": rng.uniform(0.05, 0.25) * np.ones(3),
+        "lamps": [(up * rng.uniform(1.2, 2.0) * distance + rng.normal(0, 0.8, 3) * distance, rng.uniform(0.3, 1.5) * distance**2)
+                  for _ in range(2)],
+    }
 
 
 def _lights(rng, count, planes):
