@@ -1,1 +1,3 @@
-fn main(){}
+//! Medians of every stage against a plain memory copy of the same bytes, on two threads.
+
+fn main() {}

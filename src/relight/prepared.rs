@@ -154,10 +154,7 @@ impl Prepared {
                         }
                     }
                     let surface = self.surfaces.row(y, level);
-                    pulp::Arch::new().dispatch(
-                        #[inline(always)]
-                        || shade_row(&surface, &shader, shadow, light),
-                    );
+                    shade_row(&surface, &shader, shadow, light);
                     unseen
                 },
             )

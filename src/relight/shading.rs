@@ -5,6 +5,7 @@
 //! Outgoing light under a lamp of color c: `c · (albedo · n·l + π f n·l) · visibility`.
 
 use crate::scene::{F0, ROUGHNESS_FLOOR};
+use fearless_simd::{Level, Simd, dispatch, f32x8, prelude::*, u32x8};
 
 /// Pixels shaded side by side.
 const LANES: usize = 8;
@@ -34,64 +35,85 @@ pub struct ShaderLamp {
     pub indirect: [f32; 3],
 }
 
-#[inline(always)]
-fn each(value: impl Fn(usize) -> f32) -> [f32; LANES] {
-    std::array::from_fn(value)
-}
-
 /// 2^x for x in [−100, 100], relative error under 5e-6.
 #[inline(always)]
-fn exp2(x: f32) -> f32 {
+fn exp2<S: Simd>(simd: S, x: f32x8<S>) -> f32x8<S> {
+    let splat = |value: f32| f32x8::splat(simd, value);
     // Adding 1.5·2²³ rounds to the nearest integer and leaves it in the low mantissa bits.
     const ROUND: f32 = 12_582_912.0;
     let rounded = x + ROUND;
     let f = x - (rounded - ROUND);
     // Taylor of 2^f around 0, |f| ≤ 1/2.
-    let p = 1.0
-        + f * (std::f32::consts::LN_2
-            + f * (0.240_226_51 + f * (0.055_504_11 + f * (0.009_618_129 + f * 0.001_333_355_8))));
-    f32::from_bits(p.to_bits().wrapping_add(rounded.to_bits() << 23))
+    let p = f.mul_add(splat(0.001_333_355_8), splat(0.009_618_129));
+    let p = f.mul_add(p, splat(0.055_504_11));
+    let p = f.mul_add(p, splat(0.240_226_51));
+    let p = f.mul_add(p, splat(std::f32::consts::LN_2));
+    let p = f.mul_add(p, splat(1.0));
+    let (p, exponent): (u32x8<S>, u32x8<S>) = (p.bitcast(), rounded.bitcast());
+    (p + (exponent << 23)).bitcast()
 }
 
-/// `[n·l, π f n·l]` for eight pixels, both clamped to the lit side.
-#[inline(always)]
-pub(super) fn lobes(
-    normal: [[f32; LANES]; 3],
-    roughness: [f32; LANES],
-    ray: [[f32; LANES]; 2],
-    toward: [f32; 3],
-) -> [[f32; LANES]; 2] {
-    let [nx, ny, nz] = normal;
-    let [lx, ly, lz] = toward;
-    let [rx, ry] = ray;
-    // The direction to the camera is −ray / |ray|.
-    let per_length = each(|i| 1.0 / (rx[i] * rx[i] + ry[i] * ry[i] + 1.0).sqrt());
-    let n_dot_l = each(|i| nx[i] * lx + ny[i] * ly + nz[i] * lz);
-    let n_dot_v =
-        each(|i| (-(nx[i] * rx[i] + ny[i] * ry[i] + nz[i]) * per_length[i]).max(1e-3));
-    let l_dot_v = each(|i| -(lx * rx[i] + ly * ry[i] + lz) * per_length[i]);
-    let per_half = each(|i| 1.0 / (2.0 + 2.0 * l_dot_v[i]).max(1e-8).sqrt());
-    let n_dot_h = each(|i| ((n_dot_l[i] + n_dot_v[i]) * per_half[i]).max(0.0).min(1.0));
-    let v_dot_h = each(|i| ((1.0 + l_dot_v[i]) * per_half[i]).max(0.0).min(1.0));
-    let lit = each(|i| n_dot_l[i].max(0.0));
-    let specular = each(|i| {
-        let roughness = roughness[i].max(ROUGHNESS_FLOOR);
+/// What of eight pixels does not depend on the lamp.
+#[derive(Clone, Copy)]
+pub(super) struct Facet<S: Simd> {
+    normal: [f32x8<S>; 3],
+    /// Unit vectors to the camera.
+    to_camera: [f32x8<S>; 3],
+    n_dot_v: f32x8<S>,
+    /// α², α = roughness².
+    alpha2: f32x8<S>,
+    /// Karis' k = (roughness + 1)² / 8.
+    k: f32x8<S>,
+    /// 1 / (4 (n·v (1 − k) + k)).
+    per_masking: f32x8<S>,
+}
+
+impl<S: Simd> Facet<S> {
+    #[inline(always)]
+    pub(super) fn new(
+        simd: S,
+        normal: [f32x8<S>; 3],
+        roughness: f32x8<S>,
+        [rx, ry]: [f32x8<S>; 2],
+    ) -> Self {
+        let splat = |value: f32| f32x8::splat(simd, value);
+        let [nx, ny, nz] = normal;
+        let per_length = splat(-1.0) / rx.mul_add(rx, ry.mul_add(ry, splat(1.0))).sqrt();
+        let to_camera = [rx * per_length, ry * per_length, per_length];
+        let [vx, vy, vz] = to_camera;
+        let n_dot_v = nx.mul_add(vx, ny.mul_add(vy, nz * vz)).max(splat(1e-3));
+        let roughness = roughness.max(splat(ROUGHNESS_FLOOR));
         let alpha = roughness * roughness;
-        let alpha2 = alpha * alpha;
+        let rough_one = roughness + 1.0;
+        let k = rough_one * rough_one * 0.125;
+        let per_masking = splat(0.25) / n_dot_v.mul_add(splat(1.0) - k, k);
+        Self { normal, to_camera, n_dot_v, alpha2: alpha * alpha, k, per_masking }
+    }
+
+    /// `[n·l, π f n·l]` under a lamp in direction `toward`, both zero where it is turned away.
+    #[inline(always)]
+    pub(super) fn lobes(&self, simd: S, [lx, ly, lz]: [f32; 3]) -> [f32x8<S>; 2] {
+        let splat = |value: f32| f32x8::splat(simd, value);
+        let (zero, one) = (splat(0.0), splat(1.0));
+        let ([nx, ny, nz], [vx, vy, vz]) = (self.normal, self.to_camera);
+        let n_dot_l = nx.mul_add(splat(lx), ny.mul_add(splat(ly), nz * lz));
+        let l_dot_v = vx.mul_add(splat(lx), vy.mul_add(splat(ly), vz * lz));
+        let opening = l_dot_v + 1.0;
+        let per_half = one / (opening * 2.0).max(splat(1e-8)).sqrt();
+        let n_dot_h = ((n_dot_l + self.n_dot_v) * per_half).max(zero).min(one);
+        let v_dot_h = (opening * per_half).max(zero).min(one);
+        let lit = n_dot_l.max(zero);
         // (n·h)²(α² − 1) + 1 without the cancellation near the peak of a narrow lobe.
         let spread =
-            (1.0 - n_dot_h[i]) * (1.0 + n_dot_h[i]) + n_dot_h[i] * n_dot_h[i] * alpha2;
-        let k = (roughness + 1.0) * (roughness + 1.0) * 0.125;
-        let fresnel = F0 + (1.0 - F0) * exp2((-5.55473 * v_dot_h[i] - 6.98316) * v_dot_h[i]);
+            (n_dot_h * n_dot_h).mul_add(self.alpha2, (one - n_dot_h) * (one + n_dot_h));
+        let exponent = v_dot_h.mul_add(splat(-5.55473), splat(-6.98316)) * v_dot_h;
+        let fresnel = exp2(simd, exponent).mul_add(splat(1.0 - F0), splat(F0));
         // π D F G / (4 n·v): n·l of the cosine cancels against the denominator's.
-        let denominator = 4.0
-            * spread
-            * spread
-            * (lit[i] * (1.0 - k) + k)
-            * (n_dot_v[i] * (1.0 - k) + k);
-        alpha2 * fresnel * lit[i] / denominator.max(1e-12)
-    });
-    [lit, specular]
+        let masking = lit.mul_add(one - self.k, self.k);
+        let denominator = (spread * spread * masking).max(splat(1e-12));
+        let specular = self.alpha2 * fresnel * lit * self.per_masking / denominator;
+        [lit, specular]
+    }
 }
 
 /// Shades one row. `visibility` is replaced by the shadow value: visibility where the surface
@@ -99,49 +121,57 @@ pub(super) fn lobes(
 ///
 /// # Panics
 /// When slices differ in length: a bug of the caller.
-#[inline(always)]
 pub fn shade_row(
     surface: &SurfaceRow<'_>,
     lamp: &ShaderLamp,
     visibility: &mut [f32],
     out: &mut [[f32; 3]],
 ) {
-    let width = out.len();
-    let mut start = 0;
-    while start < width {
-        // The last block steps back so that it is whole; rows shorter than a block are padded.
-        let here = LANES.min(width - start);
-        let take = |row: &[f32]| {
-            let mut lanes = [0.5f32; LANES];
-            lanes[..here].copy_from_slice(&row[start..start + here]);
-            lanes
-        };
-        let normal = surface.normal.map(take);
-        let albedo = surface.albedo.map(take);
-        let [lit, specular] = lobes(
-            normal,
-            take(surface.roughness),
-            [take(surface.ray_x), take(surface.ray_y)],
-            lamp.toward,
-        );
+    dispatch!(Level::new(), simd => shade_blocks(simd, surface, lamp, visibility, out));
+}
+
+/// Eight samples from `start`, or fewer at the end of a row.
+#[inline(always)]
+pub(super) fn block<S: Simd>(simd: S, row: &[f32], start: usize) -> f32x8<S> {
+    if let Some(whole) = row.get(start..start + LANES) {
+        return f32x8::from_slice(simd, whole);
+    }
+    let mut lanes = [0.0; LANES];
+    lanes[..row.len() - start].copy_from_slice(&row[start..]);
+    f32x8::load_array(simd, lanes)
+}
+
+#[inline(always)]
+fn shade_blocks<S: Simd>(
+    simd: S,
+    surface: &SurfaceRow<'_>,
+    lamp: &ShaderLamp,
+    visibility: &mut [f32],
+    out: &mut [[f32; 3]],
+) {
+    let splat = |value: f32| f32x8::splat(simd, value);
+    let zero = splat(0.0);
+    for start in (0..out.len()).step_by(LANES) {
+        let here = LANES.min(out.len() - start);
+        let take = |row: &[f32]| block(simd, row, start);
+        let rays = [take(surface.ray_x), take(surface.ray_y)];
+        let facet = Facet::new(simd, surface.normal.map(take), take(surface.roughness), rays);
+        let [lit, specular] = facet.lobes(simd, lamp.toward);
         let seen = take(visibility);
-        let shine = each(|i| specular[i] * seen[i]);
-        let cosine = each(|i| lit[i] * seen[i]);
-        let channels: [[f32; LANES]; 3] = std::array::from_fn(|c| {
-            each(|i| {
-                albedo[c][i] * (cosine[i] * lamp.color[c] + lamp.indirect[c])
-                    + shine[i] * lamp.color[c]
-            })
-        });
-        let shadow = each(|i| {
-            let shadow = if lit[i] > 0.0 { seen[i] } else { 0.0 };
-            if albedo[0][i].is_nan() { f32::NAN } else { shadow }
-        });
-        visibility[start..start + here].copy_from_slice(&shadow[..here]);
+        let (cosine, shine) = (lit * seen, specular * seen);
+        let channel = |c: usize| {
+            let diffuse = cosine.mul_add(splat(lamp.color[c]), splat(lamp.indirect[c]));
+            take(surface.albedo[c]).mul_add(diffuse, shine * lamp.color[c])
+        };
+        let [red, green, blue] = [channel(0), channel(1), channel(2)];
+        let shadow = lit.simd_gt(0.0).select(seen, zero);
+        // Unknown albedo makes the sum unknown: zero times it is NaN again.
+        let shadow = take(surface.albedo[0]).mul_add(zero, shadow);
+        visibility[start..start + here].copy_from_slice(&shadow.as_slice()[..here]);
+        let (red, green, blue) = (red.as_slice(), green.as_slice(), blue.as_slice());
         for (i, pixel) in out[start..start + here].iter_mut().enumerate() {
-            *pixel = [channels[0][i], channels[1][i], channels[2][i]];
+            *pixel = [red[i], green[i], blue[i]];
         }
-        start += here;
     }
 }
 
@@ -210,7 +240,9 @@ mod tests {
     fn powers_of_two_are_right_to_five_digits() {
         for step in 0..2000 {
             let x = -13.0 + step as f32 * 0.0075;
-            assert!((exp2(x) / x.exp2() - 1.0).abs() < 5e-6, "2^{x}");
+            let found =
+                dispatch!(Level::new(), simd => exp2(simd, f32x8::splat(simd, x)).as_slice()[0]);
+            assert!((found / x.exp2() - 1.0).abs() < 5e-6, "2^{x}");
         }
     }
 }

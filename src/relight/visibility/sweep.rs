@@ -4,6 +4,7 @@ use super::{
     lines::{Fan, Fans, LANES, fans},
     occluders::{Occluders, Slab},
 };
+use fearless_simd::{Level, Simd, dispatch, f32x8, i32x8, prelude::*, u32x8};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -42,13 +43,10 @@ pub fn sweep(occluders: &Occluders, toward: Vec3) -> Swept {
         .map(|fan| {
             let block = fan.steps() * LANES;
             let mut answers = vec![0u8; block * fan.blocks()];
-            let arch = pulp::Arch::new();
+            let level = Level::new();
             answers.par_chunks_mut(block).with_min_len(4).enumerate().for_each(|(index, out)| {
                 let walk = Walk::new(occluders, fan, fans.lamp_side_outward, toward, index);
-                arch.dispatch(
-                    #[inline(always)]
-                    || walk.run(out),
-                );
+                dispatch!(level, simd => walk.run(simd, out));
             });
             answers
         })
@@ -57,11 +55,6 @@ pub fn sweep(occluders: &Occluders, toward: Vec3) -> Swept {
 }
 
 type Lanes = [f32; LANES];
-
-#[inline(always)]
-fn each(value: impl Fn(usize) -> f32) -> Lanes {
-    std::array::from_fn(value)
-}
 
 /// Eight neighbouring lines on their way from the lamp's side to the other.
 struct Walk<'a> {
@@ -120,108 +113,126 @@ impl<'a> Walk<'a> {
         walk
     }
 
-    #[inline(always)]
-    fn run(&self, out: &mut [u8]) {
-        let steps = self.fan.steps();
+    /// Steps at which any lane is inside the frame, as a range of major coordinates.
+    fn inside(&self) -> (usize, usize) {
         let last = (self.stride - 1) as f32;
-        let mut lo = [[f32::INFINITY; LANES]; SLOTS];
-        let mut hi = [[f32::NEG_INFINITY; LANES]; SLOTS];
-        let mut previous_v = [0.0f32; LANES];
-        let mut previous_z = [0.0f32; LANES];
-        // |r × L| where the line entered the frame: what lies further out was not seen.
-        let mut entry = [f32::INFINITY; LANES];
-        for step in 0..steps {
-            let offset = if self.downward { steps - 1 - step } else { step };
-            let major = self.fan.from + offset;
+        let (mut from, mut to) = (self.fan.to as f32, self.fan.from as f32);
+        for (start, slope) in self.start.iter().zip(self.slope) {
+            let (a, b) = ((-0.5 - start) / slope, (last + 0.5 - start) / slope);
+            // Parallel to the axis (0/0 and x/0): inside everywhere or nowhere; walk it all.
+            let (first, end) = if slope.abs() < 1e-6 {
+                (self.fan.from as f32, self.fan.to as f32)
+            } else {
+                (a.min(b), a.max(b))
+            };
+            from = from.min(first);
+            to = to.max(end);
+        }
+        let from = (from.floor().max(0.0) as usize).max(self.fan.from);
+        (from, (to.ceil().max(0.0) as usize).min(self.fan.to))
+    }
+
+    #[inline(always)]
+    fn run<S: Simd>(&self, simd: S, out: &mut [u8]) {
+        let (first, end) = self.inside();
+        if first > end {
+            return;
+        }
+        let splat = |value: f32| f32x8::splat(simd, value);
+        let load = |lanes: &Lanes| f32x8::load_array_ref(simd, lanes);
+        let (start, slope) = (load(&self.start), load(&self.slope));
+        let (axis_start, axis_slope) = (load(&self.axis_start), load(&self.axis_slope));
+        let half_step = axis_slope.abs() * 0.5;
+        let (zero, one, infinity) = (splat(0.0), splat(1.0), splat(f32::INFINITY));
+        let empty = splat(f32::NEG_INFINITY);
+        let last = splat((self.stride - 1) as f32);
+        let edge = splat(self.edge);
+        let unseen_under = splat(if self.leaves_frame { self.near_metres } else { f32::INFINITY });
+        let mut lo = [infinity; SLOTS];
+        let mut hi = [empty; SLOTS];
+        let mut previous_v = zero;
+        let mut previous_z = infinity;
+        // 1 / |r × L| where the line entered the frame: what lies further out was not seen.
+        let mut per_entry = zero;
+        for step in 0..=end - first {
+            let major = if self.downward { end - step } else { first + step };
             let m = major as f32;
-            let minor = each(|l| self.start[l] + self.slope[l] * m);
-            let mut inside = [false; LANES];
-            for l in 0..LANES {
-                inside[l] = minor[l] >= -0.5 && minor[l] <= last + 0.5;
-            }
-            if !inside.iter().any(|&is| is) {
-                continue;
-            }
+            let minor = slope.mul_add(splat(m), start);
+            let inside = minor.simd_ge(-0.5) & minor.simd_le(last + 0.5);
+            let at = minor.max(zero).min(last);
+            let index: i32x8<S> = at.to_int();
+            let fraction = at - at.floor();
+            let indices = index.as_slice();
             let row = &self.slabs[major * self.stride..(major + 1) * self.stride];
-            let mut q = [0.0f32; LANES];
-            let mut packed = [0u32; LANES];
+            let mut q0 = [0.0f32; LANES];
+            let mut q1 = [0.0f32; LANES];
+            let mut packed = [[0u32; LANES]; 2];
             for l in 0..LANES {
-                let at = minor[l].max(0.0).min(last);
-                let index = (at as usize).min(self.stride - 1);
-                let fraction = at - index as f32;
-                let (a, b) = (row[index], row[(index + 1).min(self.stride - 1)]);
-                let nearest = if fraction < 0.5 { a } else { b };
-                let between = a.inverse_depth + (b.inverse_depth - a.inverse_depth) * fraction;
-                let sigma = f32::from_bits(nearest.thickness_sigma << 16);
-                let jump = (self.edge + 2.0 * sigma * nearest.inverse_depth) * nearest.inverse_depth;
-                let one_surface = (a.inverse_depth - b.inverse_depth).abs() < jump;
-                q[l] = if one_surface { between } else { nearest.inverse_depth };
-                packed[l] = nearest.thickness_sigma;
+                let index = (indices[l] as usize).min(row.len() - 1);
+                let (a, b) = (row[index], row[(index + 1).min(row.len() - 1)]);
+                (q0[l], q1[l]) = (a.inverse_depth, b.inverse_depth);
+                (packed[0][l], packed[1][l]) = (a.thickness_sigma, b.thickness_sigma);
             }
-            let z = each(|l| 1.0 / q[l]);
-            let known: [bool; LANES] = std::array::from_fn(|l| inside[l] && q[l] > 0.0);
-            let axis = each(|l| (self.axis_start[l] + self.axis_slope[l] * m).max(0.0));
-            let thickness = each(|l| f32::from_bits(packed[l] & 0xffff_0000));
-            let sigma = each(|l| f32::from_bits(packed[l] << 16));
-            let v = each(|l| axis[l] * z[l]);
-            for l in 0..LANES {
-                entry[l] = if inside[l] && entry[l] == f32::INFINITY { axis[l] } else { entry[l] };
-            }
+            let (q0, q1) = (load(&q0), load(&q1));
+            let bits = |lanes: &[u32; LANES]| u32x8::load_array_ref(simd, lanes);
+            let first_nearer = fraction.simd_lt(0.5);
+            let packed = first_nearer.select(bits(&packed[0]), bits(&packed[1]));
+            let nearest = first_nearer.select(q0, q1);
+            let thickness: f32x8<S> = (packed & 0xffff_0000).bitcast();
+            let sigma: f32x8<S> = (packed << 16).bitcast();
+            let relative_sigma = sigma * nearest;
+            let jump = relative_sigma.mul_add(splat(2.0), edge) * nearest;
+            let one_surface = (q0 - q1).abs().simd_lt(jump);
+            let q = one_surface.select(fraction.mul_add(q1 - q0, q0), nearest);
+            let z = one / q;
+            let known = inside & q.simd_gt(0.0);
+            let axis = axis_slope.mul_add(splat(m), axis_start).max(zero);
+            let v = axis * z;
+            per_entry = (inside & per_entry.simd_eq(0.0)).select(one / axis, per_entry);
 
             // Compare against what has been passed.
-            let softness = each(|l| {
-                axis[l] * sigma[l] * (SIGMAS * std::f32::consts::SQRT_2)
-                    + 0.5 * self.axis_slope[l].abs() * z[l]
-            });
-            let per_softness = each(|l| 0.5 / softness[l].max(1e-12));
-            let mut blocked = [0.0f32; LANES];
+            let softness =
+                (axis * sigma).mul_add(splat(SIGMAS * std::f32::consts::SQRT_2), half_step * z);
+            let per_softness = splat(0.5) / softness.max(splat(1e-12));
+            let mut blocked = zero;
             for k in 0..SLOTS {
-                for l in 0..LANES {
-                    let under = ((v[l] - lo[k][l]) * per_softness[l]).max(0.0).min(1.0);
-                    let over = ((hi[k][l] - v[l]) * per_softness[l] + 0.5).max(0.0).min(1.0);
-                    blocked[l] = blocked[l].max(under * over);
-                }
+                let under = ((v - lo[k]) * per_softness).max(zero).min(one);
+                let over = (hi[k] - v).mul_add(per_softness, splat(0.5)).max(zero).min(one);
+                blocked = blocked.max(under * over);
             }
-            for l in 0..LANES {
-                let lit = (LIT as f32 * (1.0 - blocked[l]) + 0.5) as i32 as u8;
-                let exit_z = v[l] / entry[l];
-                let unseen = self.leaves_frame && exit_z > self.near_metres;
-                out[offset * LANES + l] = lit | if unseen { UNSEEN } else { 0 };
+            let lit = (one - blocked).mul_add(splat(LIT as f32), splat(0.5));
+            let unseen = (v * per_entry).simd_gt(unseen_under);
+            let answer: i32x8<S> = unseen.select(lit + f32::from(UNSEEN), lit).to_int();
+            let offset = (major - self.fan.from) * LANES;
+            for (out, answer) in out[offset..offset + LANES].iter_mut().zip(answer.as_slice()) {
+                *out = *answer as u8;
             }
 
             // Add this sample's slab, reaching to its neighbour on the same surface.
-            let mut a = [0.0f32; LANES];
-            let mut b = [0.0f32; LANES];
-            for l in 0..LANES {
-                let joined =
-                    (z[l] - previous_z[l]).abs() < (2.0 * self.edge + 2.0 * sigma[l] * q[l]) * z[l];
-                let front = if joined { v[l].min(previous_v[l]) } else { v[l] };
-                let back = axis[l] * (z[l] + thickness[l]);
-                let back = if joined { back.max(previous_v[l]) } else { back };
-                a[l] = if known[l] { front } else { f32::INFINITY };
-                b[l] = if known[l] { back } else { f32::NEG_INFINITY };
-                previous_z[l] = if known[l] { z[l] } else { f32::INFINITY };
-                previous_v[l] = v[l];
+            let reach = relative_sigma.mul_add(splat(2.0), edge * 2.0) * z;
+            let joined = (z - previous_z).abs().simd_lt(reach);
+            let back = axis * (z + thickness);
+            let a = joined.select(v.min(previous_v), v);
+            let b = joined.select(back.max(previous_v), back);
+            let mut a = known.select(a, infinity);
+            let mut b = known.select(b, empty);
+            previous_z = known.select(z, infinity);
+            previous_v = v;
+            for k in 0..SLOTS {
+                let overlap = lo[k].simd_le(b) & hi[k].simd_ge(a);
+                a = overlap.select(a.min(lo[k]), a);
+                b = overlap.select(b.max(hi[k]), b);
+                lo[k] = overlap.select(infinity, lo[k]);
+                hi[k] = overlap.select(empty, hi[k]);
             }
             for k in 0..SLOTS {
-                for l in 0..LANES {
-                    let overlap = lo[k][l] <= b[l] && hi[k][l] >= a[l];
-                    a[l] = if overlap { a[l].min(lo[k][l]) } else { a[l] };
-                    b[l] = if overlap { b[l].max(hi[k][l]) } else { b[l] };
-                    lo[k][l] = if overlap { f32::INFINITY } else { lo[k][l] };
-                    hi[k][l] = if overlap { f32::NEG_INFINITY } else { hi[k][l] };
-                }
-            }
-            for k in 0..SLOTS {
-                for l in 0..LANES {
-                    // The newest goes first; what it displaces moves on until a slot is free.
-                    let full = a[l] <= b[l];
-                    let (slot_lo, slot_hi) = (lo[k][l], hi[k][l]);
-                    lo[k][l] = if full { a[l] } else { slot_lo };
-                    hi[k][l] = if full { b[l] } else { slot_hi };
-                    a[l] = if full { slot_lo } else { a[l] };
-                    b[l] = if full { slot_hi } else { b[l] };
-                }
+                // The newest goes first; what it displaces moves on until a slot is free.
+                let full = a.simd_le(b);
+                let (slot_lo, slot_hi) = (lo[k], hi[k]);
+                lo[k] = full.select(a, slot_lo);
+                hi[k] = full.select(b, slot_hi);
+                a = full.select(slot_lo, a);
+                b = full.select(slot_hi, b);
             }
         }
     }
