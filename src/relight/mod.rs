@@ -4,6 +4,7 @@
 //! answers for one lamp with one sweep over the depth map.
 
 pub mod enlarge;
+pub mod environment;
 pub mod lamp;
 mod pinhole;
 pub mod prepared;
@@ -11,5 +12,6 @@ pub mod shading;
 mod surfaces;
 pub mod visibility;
 
+pub use environment::{Environment, EnvironmentError};
 pub use lamp::{Lamp, LampError};
 pub use prepared::{Indirect, Prepared, RelightOptions, Relit, Shadows};

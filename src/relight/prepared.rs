@@ -58,7 +58,7 @@ pub struct Relit {
 ///
 /// The mean outgoing light of the visible surfaces times this is the indirect irradiance; what
 /// they send out elsewhere leaves the scene.
-const RETURNED_SHARE: f32 = 0.15;
+pub(super) const RETURNED_SHARE: f32 = 0.15;
 
 /// Every how many rows and columns the indirect light is estimated from.
 const SPARSE: usize = 12;

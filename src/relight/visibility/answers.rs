@@ -52,39 +52,44 @@ impl<'a> Answers<'a> {
     /// Visibility of row `y` into `visibility` (0 = blocked, 1 = lit); returns how many lit
     /// pixels have a path to the lamp that leaves the frame too early to be sure.
     pub fn row(&self, y: usize, visibility: &mut [f32]) -> usize {
+        let mut unseen = 0;
+        self.each(y, |x, answer| {
+            let lit = answer & LIT;
+            visibility[x] = f32::from(lit) * (1.0 / LIT as f32);
+            unseen += usize::from(answer & UNSEEN != 0 && lit > LIT / 2);
+        });
+        unseen
+    }
+
+    /// Calls `found(x, answer)` for every pixel of row `y`.
+    #[inline(always)]
+    pub(super) fn each(&self, y: usize, mut found: impl FnMut(usize, u8)) {
         let [vx, vy] = self.vanishing_point;
         let dy = y as f64 - vy;
         let limit = self.width as f64;
         let first = (vx - dy.abs()).ceil().clamp(0.0, limit) as usize;
         let end = ((vx + dy.abs()).floor() + 1.0).clamp(first as f64, limit) as usize;
-        let mut unseen = 0;
-        let mut set = |out: &mut f32, answer: u8| {
-            let lit = answer & LIT;
-            *out = f32::from(lit) * (1.0 / LIT as f32);
-            unseen += usize::from(answer & UNSEEN != 0 && lit > LIT / 2);
-        };
         let middle = if dy < 0.0 { self.above } else { self.below };
         if let Some((fan, answers)) = middle {
             let major = y.clamp(fan.from, fan.to);
             let (gain, offset) = fan.line_index_at(major);
-            for (x, out) in visibility.iter_mut().enumerate().take(end).skip(first) {
-                set(out, answer(fan, answers, major, x as f32 * gain + offset));
+            for x in first..end {
+                found(x, answer(fan, answers, major, x as f32 * gain + offset));
             }
         } else {
-            visibility[first..end].fill(1.0);
+            (first..end).for_each(|x| found(x, LIT));
         }
         for (range, side) in [(0..first, self.left), (end..self.width, self.right)] {
             if let Some((fan, answers)) = side {
                 for x in range {
                     let (gain, offset) = self.columns[x];
                     let major = x.clamp(fan.from, fan.to);
-                    set(&mut visibility[x], answer(fan, answers, major, y as f32 * gain + offset));
+                    found(x, answer(fan, answers, major, y as f32 * gain + offset));
                 }
             } else {
-                visibility[range].fill(1.0);
+                range.for_each(|x| found(x, LIT));
             }
         }
-        unseen
     }
 }
 

@@ -15,9 +15,11 @@
 
 pub mod answers;
 pub mod lines;
+pub mod map;
 pub mod occluders;
 pub mod sweep;
 
 pub use answers::Answers;
+pub use map::VisibilityMap;
 pub use occluders::Occluders;
 pub use sweep::{Swept, sweep};

@@ -81,25 +81,33 @@ impl Occluders {
         self.by_row.size()
     }
 
-    /// The same slabs on a grid of half the size, each taken from one of the four pixels (never
-    /// a mean, which would invent surfaces between two others).
+    /// Depth at a pixel in metres; +∞ where it is unknown.
+    pub(super) fn metres(&self, x: usize, y: usize) -> f32 {
+        1.0 / self.by_row[(x, y)].inverse_depth
+    }
+
+    /// The same slabs on a grid `factor` times as coarse, each taken from the middle pixel of its
+    /// square (never a mean, which would invent surfaces between two others).
     #[must_use]
-    pub fn halved(&self) -> Self {
+    pub(super) fn reduced(&self, factor: usize) -> Self {
         let (width, height) = self.size();
-        let (half_width, half_height) = (width.div_ceil(2), height.div_ceil(2));
+        let (small_width, small_height) = (width.div_ceil(factor), height.div_ceil(factor));
+        let middle = (factor - 1) / 2;
         let slab = |x: usize, y: usize| {
-            self.by_row[((2 * x).min(width - 1), (2 * y).min(height - 1))]
+            let (x, y) = (factor * x + middle, factor * y + middle);
+            self.by_row[(x.min(width - 1), y.min(height - 1))]
         };
         let mut camera = self.camera;
-        (camera.width, camera.height) = (half_width, half_height);
-        camera.fx *= 0.5;
-        camera.fy *= 0.5;
-        camera.cx *= 0.5;
-        camera.cy *= 0.5;
+        (camera.width, camera.height) = (small_width, small_height);
+        let scale = 1.0 / factor as f64;
+        camera.fx *= scale;
+        camera.fy *= scale;
+        camera.cx = (camera.cx - middle as f64) * scale;
+        camera.cy = (camera.cy - middle as f64) * scale;
         Self {
             camera,
-            by_row: Plane::from_fn(half_width, half_height, slab),
-            by_column: Plane::from_fn(half_height, half_width, |y, x| slab(x, y)),
+            by_row: Plane::from_fn(small_width, small_height, slab),
+            by_column: Plane::from_fn(small_height, small_width, |y, x| slab(x, y)),
             near_metres: self.near_metres,
         }
     }
