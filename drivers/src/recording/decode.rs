@@ -282,11 +282,11 @@ fn parse_json<T: serde::de::DeserializeOwned>(topic: &str, json: &[u8]) -> Resul
 }
 
 /// The bytes of a raw image whose size, row length and encoding are what they must be.
-fn checked<'a>(
-    message: &'a [u8],
+fn checked(
+    message: &[u8],
     format: PixelFormat,
     (width, height): (usize, usize),
-) -> Result<&'a [u8], String> {
+) -> Result<&[u8], String> {
     image_bytes(
         message,
         format.encoding(),
