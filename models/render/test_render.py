@@ -1,7 +1,9 @@
 """What the renderer claims, checked against forms written down separately: `pytest models/render`."""
 
 import os
+import tomllib
 
+import cv2
 import numpy as np
 import pytest
 
@@ -14,6 +16,8 @@ import drjit as dr  # noqa: E402
 dr.set_thread_count(1)
 
 from . import tracer as tr  # noqa: E402
+from .capture_folder import rendered, write  # noqa: E402
+from .contact_sheet import exr  # noqa: E402
 from .scene import FLIP, SPLITS, Scene, scene  # noqa: E402
 from .textures import SIZE  # noqa: E402
 
@@ -153,6 +157,28 @@ def test_relief_tilts_the_normal_by_its_slope_and_mirrors_with_the_tile(offset):
     h = t.hit(mi.Point3f(0), camera.rays(1, np.random.default_rng(0)))
     wanted = np.array([-0.5 * (1 if offset == 0 else -1), 0, -1]) / np.sqrt(1.25)
     np.testing.assert_allclose(camera.image(h.ns, 1), np.broadcast_to(wanted, (8, 8, 3)), atol=1e-5)
+
+
+def test_a_written_folder_holds_what_its_files_say(tmp_path):
+    # a white matte plane, squarely at two metres, smaller than the picture: every expected number is known
+    made, _ = plane_scene(1.0, 1.0, z=2.0, half=0.5)
+    made.lights, made.facts = np.array([[0.0, 0.0, 1.0], [0.6, 0.0, 0.8]]), {"seed": 1, "index": 0}
+    made.ambient = {"share": 0.5, "up": np.array([0, -1.0, 0]), "sky": np.ones(3), "ground": np.ones(3), "lamps": []}
+    write(made, rendered(made, 32, 2, 2, 1, with_ambient=True), tmp_path / "0000", 32)
+    assert [p.name for p in tmp_path.iterdir()] == ["0000"]
+    folder, truth = tmp_path / "0000", tmp_path / "0000" / "truth"
+    capture = tomllib.loads((folder / "capture.toml").read_text())
+    assert capture["color"]["cx"] == 15.5 and abs(capture["color"]["fx"] - 16 / np.tan(np.radians(25))) < 1e-4
+    depth, mask = exr(folder / "depth.exr"), cv2.imread(str(folder / "mask.png"), 0)
+    assert depth[16, 16] == pytest.approx(2.0, rel=1e-5) and np.isnan(depth[0, 0])
+    assert np.array_equal(np.isfinite(depth), mask > 0)
+    np.testing.assert_allclose(exr(truth / "normal.exr")[16, 16], [0, 0, 1], atol=1e-6)
+    flash = (exr(folder / "flash.exr") - exr(folder / "ambient.exr"))[16, 16]
+    gloss = 1.02  # what the microfacet term may add at roughness 1
+    assert 1 <= flash[0] * 2.0**2 / capture["flash"]["intensity"] <= gloss
+    for light in tomllib.loads((truth / "lights.toml").read_text())["light"]:
+        assert light["direction"][2] <= exr(truth / light["image"])[16, 16, 0] <= light["direction"][2] + 0.03
+        assert (cv2.imread(str(truth / light["shadow"]), 0) == 255).all()
 
 
 def test_splits_share_no_shape_and_no_texture():
