@@ -134,12 +134,29 @@ pub fn develop(
     let registered = registration::register(depth, &maps, Some(&light.light))?;
 
     begins(Stage::Scene);
-    let scene = scene::estimate(light, &registered, &rig, &options.scene)?;
+    let mut scene = scene::estimate(light, &registered, &rig, &options.scene)?;
+    if let Some(mask) = &shot.mask {
+        leave_out(&mut scene, mask);
+    }
 
     begins(Stage::Prepare);
     let prepared = Prepared::new(&scene);
     let working_light = reduced.map(|reduced| reduced.light);
     Ok(Development { flash_only, working_light, registered, scene, prepared })
+}
+
+/// Makes surfaces outside the mask unknown. Their depth stays: what does not count as picture
+/// still casts a shadow.
+fn leave_out(scene: &mut Scene, mask: &Plane<bool>) {
+    let (width, height) = scene.albedo.size();
+    for y in 0..height {
+        let row = mask.row(y * mask.height() / height);
+        for (x, albedo) in scene.albedo.row_mut(y).iter_mut().enumerate() {
+            if !row[x * mask.width() / width] {
+                *albedo = <[f32; 3]>::unknown();
+            }
+        }
+    }
 }
 
 /// The whole factor by which both sides shrink.

@@ -166,7 +166,8 @@ pub struct ColorFrame {
     pub transfer: Transfer,
     /// Value of no light, as a fraction of full scale; in [0, 1).
     pub black_level: f32,
-    /// Value at which the sensor clips, as a fraction of full scale; in (black, 1].
+    /// Value at which the sensor clips, as a fraction of full scale; in (black, 1]. Floating-point
+    /// pixels with 1 here are not clipped at all.
     pub white_level: f32,
 }
 

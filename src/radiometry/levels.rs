@@ -1,7 +1,7 @@
 //! Black, white and exposure of one frame: from a stored value to light, and where it clips.
 
 use super::{RadiometryError, transfer};
-use drivers::{ColorFrame, Transfer};
+use drivers::{Pixels, ColorFrame, Transfer};
 
 /// How one frame's values (fractions of full scale) become light at unit exposure.
 #[derive(Debug, Clone)]
@@ -69,8 +69,15 @@ impl<'a> Levels<'a> {
         } else {
             0.25 * step + 1e-6
         };
+        // Floating point has no full scale to run into: without a stated white level a value over
+        // 1 is bright, not clipped.
+        let unbounded = matches!(frame.pixels, Pixels::RgbF32(_)) && white >= 1.0;
         // A frame of few steps keeps at least the upper half of its range.
-        let clip = (white - slack).max(0.5 * (black + white));
+        let clip = if unbounded {
+            f32::INFINITY
+        } else {
+            (white - slack).max(0.5 * (black + white))
+        };
         Ok(Self {
             transfer: &frame.transfer,
             black,

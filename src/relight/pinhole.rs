@@ -1,5 +1,6 @@
 //! The same camera without its lens's distortion, where image lines are straight.
 
+use super::visibility::STEEPEST_TANGENT;
 use crate::scene::Scene;
 use drivers::{Distortion, Intrinsics, Plane};
 use glam::{DVec2, DVec3};
@@ -29,8 +30,8 @@ pub(super) fn straighten(scene: &Scene) -> Option<Straightened> {
         (x >= 0.0 && y >= 0.0 && x < width as f64 && y < height as f64)
             .then_some(y as usize * width + x as usize)
     };
-    // Nearest, never interpolated: a mean of two surfaces would be a third one that is not there.
-    let source: Vec<Option<usize>> = (0..width * height)
+    // Where each pixel of the pinhole is seen through the bent lens.
+    let seen: Vec<Option<DVec2>> = (0..width * height)
         .into_par_iter()
         .map(|index| {
             let pixel = DVec2::new((index % width) as f64, (index / width) as f64);
@@ -38,12 +39,14 @@ pub(super) fn straighten(scene: &Scene) -> Option<Straightened> {
             let seen = bent.project(ray)?;
             // A model that folds back puts far rays into the picture: believe only its inverse.
             let back = bent.ray(seen)?;
-            ((back - ray).length() < 1e-3).then(|| inside(seen)).flatten()
+            ((back - ray).length() < 1e-3 && inside(seen).is_some()).then_some(seen)
         })
         .collect();
-    let resample = |plane: &Plane<f32>, otherwise: f32| {
-        Plane::from_fn(width, height, |x, y| {
-            source[y * width + x].map_or(otherwise, |index| plane.samples()[index])
+    let edge = STEEPEST_TANGENT / camera.fx.min(camera.fy) as f32;
+    let metres = resample(&seen, camera.size(), f32::NAN, |at| depth_at(scene, at, edge));
+    let nearest = |plane: &Plane<f32>| {
+        resample(&seen, camera.size(), 0.0, |at| {
+            inside(at).map_or(0.0, |index| plane.samples()[index])
         })
     };
     let lookup: Vec<u32> = (0..width * height)
@@ -59,10 +62,40 @@ pub(super) fn straighten(scene: &Scene) -> Option<Straightened> {
     Some(Straightened {
         camera,
         planes: [
-            resample(&scene.depth_metres, f32::NAN),
-            resample(&scene.thickness_metres, 0.0),
-            resample(&scene.depth_sigma_metres, 0.0),
+            metres,
+            nearest(&scene.thickness_metres),
+            nearest(&scene.depth_sigma_metres),
         ],
         lookup: Plane::new(width, height, lookup).expect("one index per pixel"),
     })
+}
+
+fn resample(
+    seen: &[Option<DVec2>],
+    (width, height): (usize, usize),
+    otherwise: f32,
+    value: impl Fn(DVec2) -> f32 + Sync,
+) -> Plane<f32> {
+    let samples = seen.par_iter().map(|at| at.map_or(otherwise, &value)).collect();
+    Plane::new(width, height, samples).expect("one sample per pixel")
+}
+
+/// Depth between pixels: interpolated within one surface (nearest alone would turn a slanted wall
+/// into stairs that shade themselves), never across an edge, which would invent a third surface.
+fn depth_at(scene: &Scene, at: DVec2, edge: f32) -> f32 {
+    let depth = &scene.depth_metres;
+    let (width, height) = depth.size();
+    let clamp = |value: f64, size: usize| value.clamp(0.0, (size - 1) as f64);
+    let (x, y) = (clamp(at.x, width), clamp(at.y, height));
+    let (x0, y0) = (x as usize, y as usize);
+    let (x1, y1) = ((x0 + 1).min(width - 1), (y0 + 1).min(height - 1));
+    let (fx, fy) = ((x - x0 as f64) as f32, (y - y0 as f64) as f32);
+    let nearest = depth[(x.round() as usize, y.round() as usize)];
+    let corners = [depth[(x0, y0)], depth[(x1, y0)], depth[(x0, y1)], depth[(x1, y1)]];
+    if !corners.iter().all(|z| (z - nearest).abs() < edge * nearest) {
+        return nearest;
+    }
+    // Inverse depth is linear in the picture of a plane.
+    let [a, b, c, d] = corners.map(|z| 1.0 / z);
+    1.0 / ((a + (b - a) * fx) * (1.0 - fy) + (c + (d - c) * fx) * fy)
 }

@@ -22,4 +22,5 @@ pub mod sweep;
 pub use answers::Answers;
 pub use map::VisibilityMap;
 pub use occluders::Occluders;
+pub(super) use sweep::STEEPEST_TANGENT;
 pub use sweep::{Swept, sweep};

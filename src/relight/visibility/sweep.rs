@@ -19,7 +19,7 @@ pub(super) const LIT: u8 = 127;
 
 /// Neighbouring pixels belong to one surface when their depths differ by less than what a
 /// surface tilted this many times (tangent) would show.
-const STEEPEST_TANGENT: f32 = 8.0;
+pub(in crate::relight) const STEEPEST_TANGENT: f32 = 8.0;
 
 /// Softness of the comparison in standard deviations of the difference of two depths.
 const SIGMAS: f32 = 1.5;
