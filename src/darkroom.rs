@@ -5,7 +5,7 @@ use crate::{
     develop::{DevelopError, Development, Options, Stage, develop},
     output::{Disk, Existing, Manifest, OutputError, RelitView, Results, write},
     radiometry::linearise,
-    relight::{Lamp, RelightOptions, Relit},
+    relight::{Environment, Lamp, RelightOptions, Relit},
     shot::{DropCounts, Shot},
 };
 use drivers::Plane;
@@ -29,6 +29,8 @@ pub struct Order<'a> {
     pub source: Source<'a>,
     /// Distant lights, in the order of the numbered results.
     pub lamps: &'a [Lamp],
+    /// Light from all around and what it is called; its results come last.
+    pub environment: Option<(&'a str, &'a Environment)>,
     /// What the caller knows to lower the trust.
     pub warnings: Vec<String>,
     /// Further files of the folder: name and contents.
@@ -100,17 +102,37 @@ pub fn print(
             .relight(lamp, RelightOptions::default());
         relit.push(development.finish(answer));
     }
+    if let Some((name, environment)) = order.environment {
+        observe(name);
+        clock.begin("environment");
+        let map = development.prepared.visibility_map();
+        let answer = development
+            .prepared
+            .environment(&map, environment, RelightOptions::default());
+        relit.push(development.finish(answer));
+    }
     let timings_ms = clock.end();
     observe("writing");
     let mut warnings = order.warnings.clone();
-    warnings.extend(doubts(order.lamps, &development, &relit));
-    let labels: Vec<String> = order.lamps.iter().map(label).collect();
+    let labels: Vec<String> = order
+        .lamps
+        .iter()
+        .map(label)
+        .chain(order.environment.map(|(name, _)| name.to_owned()))
+        .collect();
+    warnings.extend(doubts(&labels, &development, &relit));
+    // An environment's light comes from everywhere: no direction.
+    let directions = order
+        .lamps
+        .iter()
+        .map(Lamp::person_direction)
+        .chain([[0.0; 3]]);
     let views: Vec<RelitView<'_>> = relit
         .iter()
-        .zip(order.lamps)
+        .zip(directions)
         .zip(&labels)
-        .map(|((relit, lamp), label)| RelitView {
-            toward_person: lamp.person_direction(),
+        .map(|((relit, toward_person), label)| RelitView {
+            toward_person,
             label,
             relit: &relit.light,
             shadow: &relit.shadow,
@@ -208,7 +230,7 @@ fn report(order: &Order<'_>, development: &Development, relit: &[Relit]) -> serd
 }
 
 /// What should lower the trust in the answer, in words.
-fn doubts(lamps: &[Lamp], development: &Development, relit: &[Relit]) -> Vec<String> {
+fn doubts(labels: &[String], development: &Development, relit: &[Relit]) -> Vec<String> {
     let found = &development.flash_only.report;
     let known = fraction(&development.registered.metres, |metres| !metres.is_nan());
     let confidence = mean_confidence(development);
@@ -252,12 +274,12 @@ fn doubts(lamps: &[Lamp], development: &Development, relit: &[Relit]) -> Vec<Str
         confidence < WORTH_SAYING,
         format!("low confidence: {confidence:.2} of 1 on average over the known pixels"),
     );
-    for (lamp, relit) in lamps.iter().zip(relit) {
+    for (label, relit) in labels.iter().zip(relit) {
         doubt(
             relit.unseen_path_fraction > UNSEEN,
             format!(
                 "light {}: for {} of the pixels the way to the light leaves the picture; what stands there is unknown",
-                label(lamp),
+                label,
                 percent(relit.unseen_path_fraction)
             ),
         );

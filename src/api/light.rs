@@ -39,7 +39,7 @@ pub enum LightError {
     #[error("light {index}: {fault}")]
     Lamp { index: usize, fault: LampError },
     #[error(
-        "no light given; add --light x,y,z (x right, y up, z toward the camera) or --lights FILE"
+        "no light given; add --light x,y,z (x right, y up, z toward the camera), --lights FILE or --environment MAP"
     )]
     None,
     #[error("{found} lights given, at most {limit} are taken at once; ask in several goes")]

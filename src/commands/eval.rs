@@ -1,9 +1,9 @@
 //! `eval`: captures with truth, measured.
 
-use super::{Answer, CommandError, error::ResultError, progress::Progress};
+use super::{Answer, CommandError, error::ResultError, input, progress::Progress};
 use crate::{
+    config::Config,
     eval::{EvalOptions, charts::write_charts, evaluate, write_report},
-    folder,
 };
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -11,21 +11,21 @@ use std::path::{Path, PathBuf};
 /// Arguments of `eval`.
 #[derive(Debug, Args)]
 pub struct Eval {
-    /// Capture folders.
-    #[arg(value_name = "DIR", required = true)]
-    folders: Vec<PathBuf>,
+    /// Capture folders, or recordings with their truth beside them (NAME.truth beside NAME.mcap).
+    #[arg(value_name = "CAPTURE", required = true)]
+    captures: Vec<PathBuf>,
     /// Folder for report.json, report.csv and the charts; created where it is missing.
     #[arg(long, value_name = "OUT")]
     report: Option<PathBuf>,
 }
 
 impl Eval {
-    pub(super) fn run(self) -> Result<Answer, CommandError> {
-        let progress = Progress::of(self.folders.len(), "reading");
+    pub(super) fn run(self, config: &Config) -> Result<Answer, CommandError> {
+        let progress = Progress::of(self.captures.len(), "reading");
         let captures = self
-            .folders
+            .captures
             .iter()
-            .map(|folder| folder::read(folder))
+            .map(|path| input::read(path, config).map(|input| input.capture))
             .collect::<Result<Vec<_>, _>>()?;
         let report = evaluate(&captures, &EvalOptions::default(), |now| {
             progress.doing(now.capture);

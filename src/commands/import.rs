@@ -39,7 +39,9 @@ impl Import {
 /// `capture.mcap` in the current folder for `some/where/capture/`, also for `.`.
 fn named_after(folder: &Path) -> PathBuf {
     let whole = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
-    let name = whole.file_name().map_or_else(|| "capture".into(), |name| name.to_string_lossy());
+    let name = whole
+        .file_name()
+        .map_or_else(|| "capture".into(), |name| name.to_string_lossy());
     PathBuf::from(format!("{name}.mcap"))
 }
 
@@ -47,8 +49,14 @@ fn named_after(folder: &Path) -> PathBuf {
 fn classified(error: FolderError, out: &Path) -> CommandError {
     let writing = match &error {
         FolderError::Recording(_) | FolderError::Commit(_) | FolderError::Unwritable { .. } => true,
-        FolderError::Io { path, .. } => path.parent() == out.parent() && path.with_extension("") == out.with_extension(""),
+        FolderError::Io { path, .. } => {
+            path.parent() == out.parent() && path.with_extension("") == out.with_extension("")
+        }
         _ => false,
     };
-    if writing { CommandError::Unwritten(error) } else { CommandError::Folder(error) }
+    if writing {
+        CommandError::Unwritten(error)
+    } else {
+        CommandError::Folder(error)
+    }
 }

@@ -1,10 +1,7 @@
 //! `info`: what a capture folder, a recording or a folder of results holds.
 
-use super::{Answer, CommandError, error::InputError};
-use crate::{
-    folder,
-    output::manifest::{MANIFEST, Manifest},
-};
+use super::{Answer, CommandError, input::Kind};
+use crate::{folder, output::manifest::Manifest};
 use clap::Args;
 use drivers::{Distortion, Rig, recording};
 use std::path::{Path, PathBuf};
@@ -25,32 +22,6 @@ impl Info {
             Kind::Capture => capture(&self.path),
             Kind::Recording => recorded(&self.path),
         }
-    }
-}
-
-/// What a path can be.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
-    Capture,
-    Recording,
-    Results,
-}
-
-impl Kind {
-    /// Looks at the path, not yet into the files.
-    pub fn of(path: &Path) -> Result<Self, InputError> {
-        let found = std::fs::metadata(path).map_err(|error| InputError {
-            path: path.to_owned(),
-            problem: format!("cannot be read: {error}"),
-            remedy: "name a capture folder, a recording or a folder of results",
-        })?;
-        Ok(if !found.is_dir() {
-            Self::Recording
-        } else if path.join(MANIFEST).is_file() {
-            Self::Results
-        } else {
-            Self::Capture
-        })
     }
 }
 

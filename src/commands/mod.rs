@@ -11,6 +11,7 @@ mod error;
 mod eval;
 mod import;
 mod info;
+mod input;
 mod lights;
 mod progress;
 mod record;
@@ -96,7 +97,7 @@ impl CommandLine {
             Command::Info(info) => info.run(),
             Command::Devices => check_device::list(),
             Command::CheckDevice(check) => check.run(),
-            Command::Eval(eval) => eval.run(),
+            Command::Eval(eval) => eval.run(&config),
             Command::Calibrate(calibrate) => calibrate.run(),
         }
     }

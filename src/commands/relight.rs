@@ -1,17 +1,22 @@
 //! `relight`: a capture folder or a recording under new light.
 
-use super::{Answer, CommandError, info::Kind, lights::LightArguments, progress::Progress};
+use super::{
+    Answer, CommandError,
+    error::InputError,
+    input::{self, Input},
+    lights::LightArguments,
+    progress::Progress,
+};
 use crate::{
     api::LightError,
     config::Config,
     darkroom::{self, Order, Source},
-    folder::{self, read_mask_beside},
-    output::{Existing, FRAMES, manifest::MANIFEST},
+    folder::{Limits, Samples, decode_limited},
+    output::{Existing, manifest::MANIFEST},
+    relight::Environment,
     session,
-    shot::{DropCounts, Shot},
 };
 use clap::Args;
-use drivers::replay::Replay;
 use std::path::{Path, PathBuf};
 
 /// Arguments of `relight`.
@@ -22,6 +27,9 @@ pub struct Relight {
     input: PathBuf,
     #[command(flatten)]
     lights: LightArguments,
+    /// A map of the light all around, .hdr or .exr, twice as wide as high.
+    #[arg(long, value_name = "MAP")]
+    environment: Option<PathBuf>,
     /// Folder for the results; must not exist yet, or be empty.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -33,18 +41,25 @@ pub struct Relight {
 impl Relight {
     pub(super) fn run(self, config: &Config) -> Result<Answer, CommandError> {
         let lights = self.lights.check()?;
-        if lights.lamps.is_empty() {
+        if lights.lamps.is_empty() && self.environment.is_none() {
             return Err(LightError::None.into());
         }
         let progress = Progress::of_unknown("reading");
-        let (shot, drops) = read_shot(&self.input, config)?;
+        let environment = self
+            .environment
+            .as_deref()
+            .map(read_environment)
+            .transpose()?;
+        let named = self.environment.as_deref().map(environment_label);
+        let Input { capture, drops } = input::read(&self.input, config)?;
         let order = Order {
-            shot: &shot,
+            shot: &capture.shot,
             source: Source {
                 name: &self.input.display().to_string(),
                 drops,
             },
             lamps: &lights.lamps,
+            environment: named.as_deref().zip(environment.as_ref()),
             warnings: lights.warnings,
             attachments: &[],
         };
@@ -80,20 +95,32 @@ impl Relight {
     }
 }
 
-/// The shot of a capture folder, or the first of a recording.
-fn read_shot(input: &Path, config: &Config) -> Result<(Shot, Option<DropCounts>), CommandError> {
-    match Kind::of(input)? {
-        Kind::Capture => Ok((folder::read(input)?.shot, None)),
-        Kind::Recording => play(input, config),
-        // A shot that was kept holds its own frames.
-        Kind::Results => play(&input.join(FRAMES), config),
-    }
+/// Reads a latitude–longitude map of scene-linear light.
+fn read_environment(path: &Path) -> Result<Environment, CommandError> {
+    let radiance = match decode_limited(path, None, Limits::default())?.samples {
+        Samples::RgbF32(plane) => plane,
+        Samples::GrayF32(plane) => plane.map(|value| [*value; 3]),
+        other => {
+            return Err(InputError {
+                path: path.to_owned(),
+                problem: format!("holds {}", other.describe()),
+                remedy: "give a map of linear light: .hdr or .exr",
+            }
+            .into());
+        }
+    };
+    Environment::new(&radiance).map_err(|error| {
+        InputError {
+            path: path.to_owned(),
+            problem: error.to_string(),
+            remedy: "give a latitude–longitude map, twice as wide as high",
+        }
+        .into()
+    })
 }
 
-/// The first shot that the frames of a recording make, with the mask that lies beside it.
-fn play(path: &Path, config: &Config) -> Result<(Shot, Option<DropCounts>), CommandError> {
-    let mut replay = Replay::open(path)?;
-    let taken = session::take(&mut replay, &config.capture)?;
-    let mask = read_mask_beside(path, taken.shot.rig.color.size())?;
-    Ok((Shot { mask, ..taken.shot }, Some(taken.drops)))
+fn environment_label(path: &Path) -> String {
+    path.file_stem()
+        .map_or_else(|| "environment".into(), |name| name.to_string_lossy())
+        .into_owned()
 }

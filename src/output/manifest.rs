@@ -19,7 +19,8 @@ const MAX_BYTES: u64 = 16 << 20;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LightEntry {
-    /// Unit vector toward the light: x right, y up, z toward the camera.
+    /// Unit vector toward the light: x right, y up, z toward the camera; zero for an environment,
+    /// whose light comes from everywhere.
     pub direction: [f32; 3],
     /// What the light is called.
     pub label: String,

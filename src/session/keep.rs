@@ -45,6 +45,7 @@ pub fn keep(
                     drops: Some(taken.drops),
                 },
                 lamps: &lights.lamps,
+                environment: None,
                 warnings: lights.warnings.clone(),
                 attachments: &[(FRAMES, &frames)],
             };

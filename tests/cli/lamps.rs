@@ -8,8 +8,20 @@ struct Case(&'static [&'static str], i32, &'static [&'static str]);
 fn lights_that_mean_nothing_are_refused_before_anything_is_written() {
     let folder = tempfile::tempdir().unwrap();
     Capture::GOOD.write(&folder.path().join("good"));
+    image::Rgb32FImage::from_pixel(8, 8, image::Rgb([1.0; 3]))
+        .save(folder.path().join("good/square.hdr"))
+        .unwrap();
     let cases = [
-        Case(&[], 2, &["no light given", "--light x,y,z", "--lights"]),
+        Case(
+            &[],
+            2,
+            &[
+                "no light given",
+                "--light x,y,z",
+                "--lights",
+                "--environment",
+            ],
+        ),
         Case(&["--light", "0,0,0"], 2, &["light 0", "0,0,1"]),
         Case(
             &["--light", "0,0,1", "--light", "nan,0,1"],
@@ -26,6 +38,22 @@ fn lights_that_mean_nothing_are_refused_before_anything_is_written() {
             &["--lights", "good/capture.toml"],
             3,
             &["good/capture.toml", "[[light]]"],
+        ),
+        Case(&["--environment", "absent.hdr"], 3, &["absent.hdr"]),
+        Case(
+            &["--environment", "good/capture.toml"],
+            3,
+            &["good/capture.toml"],
+        ),
+        Case(
+            &["--environment", "good/flash.png"],
+            3,
+            &["good/flash.png", "16-bit"],
+        ),
+        Case(
+            &["--environment", "good/square.hdr"],
+            3,
+            &["square.hdr", "twice as wide"],
         ),
     ];
     for Case(lights, code, words) in cases {
@@ -93,4 +121,33 @@ fn lights_of_a_file_come_after_those_of_the_command_line() {
         );
     }
     assert!(!names.contains(&"relit_003.exr".to_owned()));
+}
+
+#[test]
+fn an_environment_of_one_value_lights_an_open_wall_as_its_own_albedo() {
+    // Under light 1 from everywhere an unshadowed matte surface sends back its albedo; here what
+    // lies more than 20 degrees behind the scene is left out, so a little less arrives.
+    let folder = tempfile::tempdir().unwrap();
+    Capture::GOOD.write(&folder.path().join("good"));
+    image::Rgb32FImage::from_pixel(64, 32, image::Rgb([1.0; 3]))
+        .save(folder.path().join("white.hdr"))
+        .unwrap();
+    let arguments = [
+        "--json",
+        "relight",
+        "good",
+        "--environment",
+        "white.hdr",
+        "--out",
+        "relit",
+    ];
+    let ran = capturectl(folder.path(), &arguments);
+    assert_eq!(ran.succeeds().json()["shot"]["lights"][0]["label"], "white");
+    let relit = image::open(folder.path().join("relit/relit_000.png"))
+        .unwrap()
+        .to_rgb8();
+    let wall: Vec<u8> = (6..42).map(|y| relit.get_pixel(3, y).0[0]).collect();
+    let mean = wall.iter().map(|value| f64::from(*value)).sum::<f64>() / wall.len() as f64;
+    // sRGB 225 is 75 % of light.
+    assert!(mean > 225.0, "{mean}: {wall:?}");
 }
