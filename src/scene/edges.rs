@@ -77,6 +77,50 @@ impl Edges {
     }
 }
 
+/// Cuts that the run of a true edge leaves in the 5×5 pixels around any of them, at least.
+const RUN_OF_AN_EDGE: usize = 4;
+
+impl Edges {
+    /// Only the cuts that belong to an edge of some length, and those beside unknown depth: what
+    /// noise leaves stands alone.
+    pub fn firm(&self, depth: &InverseDepth) -> Self {
+        let (width, height) = depth.value.size();
+        let stands = |x: usize, y: usize, there: (usize, usize)| {
+            let unknown =
+                |at: (usize, usize)| depth.value.get(at.0, at.1).is_none_or(|w| w.is_nan());
+            if unknown((x, y)) || unknown(there) {
+                return true;
+            }
+            // At the picture's border the window moves inward instead of shrinking.
+            let window = |at: usize, size: usize| {
+                let first = at.saturating_sub(2).min(size.saturating_sub(5));
+                first..(first + 5).min(size)
+            };
+            let cuts = window(y, height)
+                .flat_map(|y| window(x, width).map(move |x| (x, y)))
+                .filter(|&at| self.right[at] || self.below[at])
+                .count();
+            cuts >= RUN_OF_AN_EDGE
+        };
+        let kept = |cuts: &Plane<bool>, dx: usize, dy: usize| {
+            let mut kept = cuts.clone();
+            kept.samples_mut()
+                .par_chunks_mut(width.max(1))
+                .enumerate()
+                .for_each(|(y, row)| {
+                    for (x, cut) in row.iter_mut().enumerate() {
+                        *cut = *cut && stands(x, y, (x + dx, y + dy));
+                    }
+                });
+            kept
+        };
+        Self {
+            right: kept(&self.right, 1, 0),
+            below: kept(&self.below, 0, 1),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -106,6 +150,16 @@ mod tests {
             [7]
         );
         assert!((0..3).all(|y| !found.below[(5, y)]));
+    }
+
+    #[test]
+    fn a_lone_cut_is_not_firm_and_an_edge_is() {
+        let mut value = Plane::from_fn(16, 16, |x, _| if x < 8 { 1.0 } else { 1.0 / 1.2 });
+        value[(3, 3)] = 0.8;
+        let depth = exact(value);
+        let firm = edges(&depth, 300.0).firm(&depth);
+        assert!(!firm.right[(3, 3)] && !firm.below[(3, 3)]);
+        assert!((0..16).all(|y| firm.right[(7, y)]));
     }
 
     #[test]

@@ -99,12 +99,12 @@ pub fn estimate(
     let rays = rays(&camera);
 
     let known = positive(&depth.metres);
-    let surface = smoothed(&known, &depth.sigma_metres, rig, focal, options.smoothing);
+    let (surface, baseline) = smoothed(&known, &depth.sigma_metres, rig, focal, options.smoothing);
     let depth_metres = surface.value.map(|w| 1.0 / w);
     let depth_sigma_metres = sigma_of_depth(&surface);
     let edges = edges(&surface, focal);
     let normal = normals(&surface, &edges, &rays);
-    let normal_sigma = normal_sigma(&surface, focal);
+    let normal_sigma = normal_sigma(&surface, focal / baseline);
 
     let mut reflections = albedo::reflections(
         &flash.light.0,
@@ -126,7 +126,7 @@ pub fn estimate(
     let (albedo, _) = albedo::albedo(&reflections, &roughness, &normal_sigma);
     let thickness_metres = thickness(
         &depth_metres,
-        &edges,
+        &edges.firm(&surface),
         &rays,
         options.least_thickness_metres,
         options.most_thickness_metres,
@@ -249,14 +249,15 @@ fn positive(metres: &Plane<f32>) -> Plane<f32> {
 /// Sigma given to depth that comes without one, as a share of it.
 const UNSTATED_SIGMA: f32 = 0.002;
 
-/// 1/z smoothed by the sigma that the depth itself shows.
+/// 1/z smoothed by the sigma that the depth itself shows, and the pixels over which its errors now
+/// go together.
 fn smoothed(
     metres: &Plane<f32>,
     sigma_metres: &Plane<f32>,
     rig: &Rig,
     focal: f32,
     smoothing: f32,
-) -> smooth::InverseDepth {
+) -> (smooth::InverseDepth, f32) {
     let value = metres.map(|z| 1.0 / z);
     let (width, height) = metres.size();
     let mut sigma = Plane::filled(width, height, f32::NAN);
@@ -277,11 +278,11 @@ fn smoothed(
     // on the color grid has not, and there a wider spacing would take relief for noise.
     let coarseness = rig
         .depth
-        .map_or(0.5, |depth| f64::from(focal) / depth.lens.fx)
-        .clamp(0.5, 4.0);
+        .map_or(0.25, |depth| f64::from(focal) / depth.lens.fx)
+        .clamp(0.25, 4.0);
     let steps: Vec<usize> = [1, 2, 4, 8, 16]
         .into_iter()
-        .filter(|&step| step as f64 <= 4.0 * coarseness)
+        .filter(|&step| step as f64 <= 8.0 * coarseness)
         .collect();
     let Noise { ratio, spacing } = noise(&value, &sigma, &steps).unwrap_or(Noise {
         ratio: 0.0,
@@ -305,7 +306,9 @@ fn smoothed(
     );
     let variance = sigma.map(|s| s * s);
     let levels = smooth::levels_for(in_pitches / spacing as f32);
-    smooth::smooth(smooth::InverseDepth { value, variance }, levels, spacing)
+    let surface = smooth::smooth(smooth::InverseDepth { value, variance }, levels, spacing);
+    // What noise is left keeps to the scale of the last level.
+    (surface, (spacing << levels) as f32)
 }
 
 /// Median of the numbers that are none NaN, from a sample of them; NaN without any.
@@ -334,9 +337,9 @@ fn sigma_of_depth(surface: &smooth::InverseDepth) -> Plane<f32> {
     sigma
 }
 
-/// Standard deviation of a normal's angle, radians: depth noise over the distance between the two
-/// pixels it is read from.
-fn normal_sigma(surface: &smooth::InverseDepth, focal: f32) -> Plane<f32> {
+/// Standard deviation of a normal's angle, radians: depth noise over the distance within which it
+/// goes together. `focal_spacings` is the focal length in that distance.
+fn normal_sigma(surface: &smooth::InverseDepth, focal_spacings: f32) -> Plane<f32> {
     let (width, height) = surface.value.size();
     let mut sigma = Plane::filled(width, height, f32::NAN);
     sigma
@@ -345,7 +348,7 @@ fn normal_sigma(surface: &smooth::InverseDepth, focal: f32) -> Plane<f32> {
         .enumerate()
         .for_each(|(i, sigma)| {
             let relative = surface.variance.samples()[i].sqrt() / surface.value.samples()[i];
-            *sigma = (relative * focal / 2f32.sqrt()).min(1.0);
+            *sigma = (relative * focal_spacings / 2f32.sqrt()).min(1.0);
         });
     sigma
 }

@@ -41,70 +41,74 @@ pub(super) fn levels_for(noise_in_pitches: f32) -> u32 {
 /// smoothed last, and gains no certainty.
 pub(super) fn smooth(mut depth: InverseDepth, levels: u32, spacing: usize) -> InverseDepth {
     let (width, height) = depth.value.size();
-    if width == 0 || height == 0 {
+    if width == 0 || height == 0 || levels == 0 {
         return depth;
     }
     let mut next = depth.clone();
     let independent = (0..levels).map(|level| (spacing << level, true));
     let finer = (0..spacing.ilog2()).rev().map(|level| (1 << level, false));
-    let finer = finer.take(if levels > 0 { usize::MAX } else { 0 });
     for (step, gains) in independent.chain(finer) {
-        for (dx, dy) in [(step, 0), (0, step)] {
-            let (from, to) = (&depth, &mut next);
-            let values = to.value.samples_mut().par_chunks_mut(width);
-            let variances = to.variance.samples_mut().par_chunks_mut(width);
-            values
-                .zip(variances)
-                .enumerate()
-                .for_each(|(y, (value, variance))| {
-                    let rows = [-2isize, -1, 0, 1, 2].map(|i| {
-                        let row = y as isize + i * dy as isize;
-                        (0..height as isize).contains(&row).then_some(row as usize)
-                    });
-                    filter_row(from, rows, dx, y, value, variance);
-                    if !gains {
-                        variance.copy_from_slice(from.variance.row(y));
-                    }
-                });
+        for across in [true, false] {
+            pass(&depth, &mut next, step, across, gains);
             std::mem::swap(&mut depth, &mut next);
         }
     }
     depth
 }
 
-/// One row of one pass: taps at `rows[i]`, `(i − 2)·dx` pixels along.
-fn filter_row(
-    from: &InverseDepth,
-    rows: [Option<usize>; 5],
-    dx: usize,
-    y: usize,
-    value: &mut [f32],
-    variance: &mut [f32],
-) {
-    let width = value.len();
-    let centers = from.value.row(y);
-    let center_variances = from.variance.row(y);
-    let tap = |i: usize, x: usize| -> (f32, f32) {
-        let (Some(row), Some(x)) = (rows[i], (x + i * dx).checked_sub(2 * dx)) else {
-            return (f32::NAN, 0.0);
-        };
-        if x < width {
-            (from.value.row(row)[x], from.variance.row(row)[x])
-        } else {
-            (f32::NAN, 0.0)
-        }
-    };
-    for x in 0..width {
-        let (center, own) = (centers[x], center_variances[x]);
+/// One level along one axis.
+fn pass(from: &InverseDepth, to: &mut InverseDepth, step: usize, across: bool, gains: bool) {
+    let (width, height) = from.value.size();
+    let unknown = vec![f32::NAN; width];
+    let values = to.value.samples_mut().par_chunks_mut(width);
+    let variances = to.variance.samples_mut().par_chunks_mut(width);
+    values.zip(variances).enumerate().for_each_init(
+        || [Vec::new(), Vec::new()],
+        |padded, (y, (value, variance))| {
+            if across {
+                let rows = [from.value.row(y), from.variance.row(y)];
+                for (padded, row) in padded.iter_mut().zip(rows) {
+                    padded.clear();
+                    padded.resize(2 * step, f32::NAN);
+                    padded.extend_from_slice(row);
+                    padded.resize(width + 4 * step, f32::NAN);
+                }
+                let taps = [0, 1, 2, 3, 4].map(|i| {
+                    let span = i * step..i * step + width;
+                    [&padded[0][span.clone()], &padded[1][span]]
+                });
+                blend(taps, value, variance);
+            } else {
+                let taps =
+                    [-2isize, -1, 0, 1, 2].map(|i| match y.checked_add_signed(i * step as isize) {
+                        Some(row) if row < height => [from.value.row(row), from.variance.row(row)],
+                        _ => [&unknown[..], &unknown[..]],
+                    });
+                blend(taps, value, variance);
+            }
+            if !gains {
+                variance.copy_from_slice(from.variance.row(y));
+            }
+        },
+    );
+}
+
+/// Blends five rows of (value, variance), the middle one being the pixel's own.
+fn blend(taps: [[&[f32]; 2]; 5], value: &mut [f32], variance: &mut [f32]) {
+    // Slices of one length let the compiler work on many pixels at once.
+    let count = value.len().min(variance.len());
+    let taps = taps.map(|tap| tap.map(|row| &row[..count]));
+    for x in 0..count {
+        let [center, own] = taps[2].map(|row| row[x]);
         let mut sum = Sum {
             weight: 6.0,
             value: 6.0 * center,
             variance: 36.0 * own,
         };
         for (near, far, weight) in [(1, 3, 8.0), (0, 4, 2.0)] {
-            let (a, var_a) = tap(near, x);
-            let (b, var_b) = tap(far, x);
-            sum.add_pair(center, own, (a, var_a), (b, var_b), weight);
+            let a = taps[near].map(|row| row[x]);
+            let b = taps[far].map(|row| row[x]);
+            sum.add_pair(center, own, a, b, weight);
         }
         value[x] = sum.value / sum.weight;
         variance[x] = sum.variance / (sum.weight * sum.weight);
@@ -123,8 +127,8 @@ impl Sum {
         &mut self,
         center: f32,
         own: f32,
-        (a, var_a): (f32, f32),
-        (b, var_b): (f32, f32),
+        [a, var_a]: [f32; 2],
+        [b, var_b]: [f32; 2],
         weight: f32,
     ) {
         let mean = 0.5 * (a + b);
@@ -138,11 +142,15 @@ impl Sum {
     }
 
     fn add(&mut self, value: f32, variance: f32, weight: f32) {
-        if weight > 0.0 {
-            self.weight += weight;
-            self.value += weight * value;
-            self.variance += weight * weight * variance;
-        }
+        // NaN has weight 0, and 0 · NaN must not reach the sums.
+        let counts = weight > 0.0;
+        self.weight += weight;
+        self.value += if counts { weight * value } else { 0.0 };
+        self.variance += if counts {
+            weight * weight * variance
+        } else {
+            0.0
+        };
     }
 }
 
