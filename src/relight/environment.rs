@@ -2,7 +2,6 @@
 
 use super::{
     Lamp, Prepared, RelightOptions, Relit, Shadows, Indirect,
-    prepared::RETURNED_SHARE,
     shading::{Facet, SurfaceRow, block},
     visibility::{
         VisibilityMap,
@@ -193,8 +192,8 @@ impl Prepared {
                 *open += cosine * weight;
             }
         }
-        if options.indirect == Indirect::Constant {
-            self.add_returned(&mut light);
+        if options.indirect == Indirect::Obscurance {
+            self.add_bounced(&mut light);
         }
         for (shadow, open) in shadow.samples_mut().iter_mut().zip(open.samples()) {
             *shadow = if *open > 0.0 { *shadow / open } else { *shadow * 0.0 };
@@ -230,23 +229,24 @@ impl Prepared {
         cosines
     }
 
-    /// Adds what comes back to the scene from all it sends out.
-    fn add_returned(&self, light: &mut Plane<[f32; 3]>) {
+    /// Adds one bounce, as [`Indirect::Obscurance`] has it.
+    fn add_bounced(&self, light: &mut Plane<[f32; 3]>) {
         let mut sum = [0.0f64; 3];
         let mut count = 0.0f64;
         for pixel in light.samples().iter().step_by(61).filter(|pixel| pixel[0].is_finite()) {
             sum = std::array::from_fn(|c| sum[c] + f64::from(pixel[c]));
             count += 1.0;
         }
-        let returned: [f32; 3] =
-            sum.map(|sum| (sum / count.max(1.0)) as f32 * RETURNED_SHARE);
+        let sent: [f32; 3] =
+            sum.map(|sum| (sum / count.max(1.0)) as f32 * self.bounce);
         let width = self.width.max(1);
         light.samples_mut().par_chunks_mut(width).enumerate().for_each_init(
             || vec![0.0; self.width],
             |level, (y, light)| {
-                let albedo = self.surfaces.row(y, level).albedo;
+                let SurfaceRow { albedo, obscurance, .. } = self.surfaces.row(y, level);
                 for (x, pixel) in light.iter_mut().enumerate() {
-                    *pixel = std::array::from_fn(|c| pixel[c] + albedo[c][x] * returned[c]);
+                    let bounced = |c: usize| albedo[c][x] * obscurance[x] * sent[c];
+                    *pixel = std::array::from_fn(|c| pixel[c] + bounced(c));
                 }
             },
         );

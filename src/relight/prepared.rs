@@ -2,6 +2,7 @@
 
 use super::{
     lamp::Lamp,
+    obscurance::obscurance,
     pinhole::{Straightened, straighten},
     shading::{ShaderLamp, shade_row},
     surfaces::Surfaces,
@@ -28,9 +29,9 @@ pub enum Shadows {
 pub enum Indirect {
     /// None.
     None,
-    /// One value for the whole picture, from what the lamp lights directly.
+    /// One bounce: the mean light the scene sends out, from the directions the scene blocks.
     #[default]
-    Constant,
+    Obscurance,
 }
 
 /// What to model beyond the direct light.
@@ -54,11 +55,13 @@ pub struct Relit {
     pub unseen_path_fraction: f32,
 }
 
-/// Share of the light a lit scene sends out that comes back to it as a constant.
-///
-/// The mean outgoing light of the visible surfaces times this is the indirect irradiance; what
-/// they send out elsewhere leaves the scene.
-pub(super) const RETURNED_SHARE: f32 = 0.15;
+/// Share of the mean outgoing light that a blocked direction sends: what blocks is itself partly
+/// in shadow and seen from its dark side. Of 0, 0.5 and 1 the best on the rendered validation set
+/// (31.01, 31.04 and 30.91 dB).
+const BOUNCE: f32 = 0.5;
+/// The same where the scale of the albedo is unknown: bounced light grows with its square, so a
+/// guess that is too bright does more harm than one that is too dark.
+const BOUNCE_OF_UNKNOWN_SCALE: f32 = 0.15;
 
 /// Every how many rows and columns the indirect light is estimated from.
 const SPARSE: usize = 12;
@@ -70,6 +73,8 @@ pub struct Prepared {
     pub(super) height: usize,
     pub(super) surfaces: Surfaces,
     pub(super) occluders: Occluders,
+    /// Light from a blocked direction as a share of the mean the scene sends out.
+    pub(super) bounce: f32,
     /// Present when the lens bends lines.
     pub(super) straightened: Option<Plane<u32>>,
 }
@@ -96,7 +101,10 @@ impl Prepared {
                 (Occluders::new(camera, &metres, &thickness, &sigma), Some(lookup))
             }
         };
-        Self { width, height, surfaces: Surfaces::new(scene), occluders, straightened }
+        let obscurance = obscurance(scene, &occluders);
+        let surfaces = Surfaces::new(scene, obscurance);
+        let bounce = if scene.scale_known { BOUNCE } else { BOUNCE_OF_UNKNOWN_SCALE };
+        Self { width, height, surfaces, occluders, bounce, straightened }
     }
 
     /// `(width, height)` in pixels.
@@ -135,8 +143,8 @@ impl Prepared {
         let answers = swept.as_ref().map(|swept| Answers::new(swept, self.width));
         let source = Source::new(self, answers.as_ref());
         let hard = options.shadows == Shadows::Hard;
-        if options.indirect == Indirect::Constant {
-            shader.indirect = self.returned_light(&shader, &source);
+        if options.indirect == Indirect::Obscurance {
+            shader.indirect = self.mean_sent(&shader, &source);
         }
         let unseen: usize = light
             .samples_mut()
@@ -162,8 +170,8 @@ impl Prepared {
         unseen as f32 / (self.width * self.height) as f32
     }
 
-    /// Irradiance of the light that comes back to the scene, from a sparse look at it.
-    fn returned_light(&self, shader: &ShaderLamp, source: &Source<'_>) -> [f32; 3] {
+    /// Mean light the scene sends out, from a sparse look at it.
+    fn mean_sent(&self, shader: &ShaderLamp, source: &Source<'_>) -> [f32; 3] {
         let rows: Vec<usize> = (SPARSE / 2..self.height).step_by(SPARSE).collect();
         let sums = rows
             .par_iter()
@@ -184,7 +192,7 @@ impl Prepared {
                 },
             )
             .reduce(|| [0.0; 4], |a, b| std::array::from_fn(|i| a[i] + b[i]));
-        std::array::from_fn(|c| (sums[c] / sums[3].max(1.0)) as f32 * RETURNED_SHARE)
+        std::array::from_fn(|c| (sums[c] / sums[3].max(1.0)) as f32 * self.bounce)
     }
 }
 

@@ -18,6 +18,8 @@ pub struct SurfaceRow<'a> {
     pub normal: [&'a [f32]; 3],
     pub albedo: [&'a [f32]; 3],
     pub roughness: &'a [f32],
+    /// Share of the hemisphere that the scene itself blocks, in [0, 1].
+    pub obscurance: &'a [f32],
     /// x/z of the ray through each pixel.
     pub ray_x: &'a [f32],
     /// y/z of the ray through each pixel.
@@ -31,7 +33,8 @@ pub struct ShaderLamp {
     pub toward: [f32; 3],
     /// Linear color.
     pub color: [f32; 3],
-    /// Light arriving after more than one bounce, per channel; multiplied by albedo only.
+    /// Mean light the scene sends out, per channel; it arrives from the directions the scene
+    /// itself blocks.
     pub indirect: [f32; 3],
 }
 
@@ -159,8 +162,9 @@ fn shade_blocks<S: Simd>(
         let [lit, specular] = facet.lobes(simd, lamp.toward);
         let seen = take(visibility);
         let (cosine, shine) = (lit * seen, specular * seen);
+        let blocked = take(surface.obscurance);
         let channel = |c: usize| {
-            let diffuse = cosine.mul_add(splat(lamp.color[c]), splat(lamp.indirect[c]));
+            let diffuse = cosine.mul_add(splat(lamp.color[c]), blocked * lamp.indirect[c]);
             take(surface.albedo[c]).mul_add(diffuse, shine * lamp.color[c])
         };
         let [red, green, blue] = [channel(0), channel(1), channel(2)];
@@ -217,6 +221,7 @@ mod tests {
                     normal: [&[normal.x], &[normal.y], &[normal.z]],
                     albedo: [&albedo[..1], &albedo[1..2], &albedo[2..]],
                     roughness: &[roughness],
+                    obscurance: &[0.0],
                     ray_x: &[ray.0],
                     ray_y: &[ray.1],
                 },

@@ -13,6 +13,8 @@ pub(super) struct Surfaces {
     normal: [Vec<f32>; 3],
     albedo: [Vec<f32>; 3],
     roughness: Vec<f32>,
+    /// Share of the hemisphere that the scene itself blocks.
+    obscurance: Vec<f32>,
     rays: Rays,
 }
 
@@ -46,7 +48,7 @@ impl Rays {
 }
 
 impl Surfaces {
-    pub(super) fn new(scene: &Scene) -> Self {
+    pub(super) fn new(scene: &Scene, obscurance: Vec<f32>) -> Self {
         let known = |index: usize| {
             let albedo = scene.albedo.samples()[index];
             scene.normal.samples()[index].is_finite() && albedo.iter().all(|a| a.is_finite())
@@ -73,6 +75,7 @@ impl Surfaces {
                 },
                 1.0,
             ),
+            obscurance,
             rays: Rays::new(&scene.camera),
         }
     }
@@ -91,6 +94,7 @@ impl Surfaces {
             normal: self.normal.each_ref().map(|plane| &plane[range.clone()]),
             albedo: self.albedo.each_ref().map(|plane| &plane[range.clone()]),
             roughness: &self.roughness[range.clone()],
+            obscurance: &self.obscurance[range.clone()],
             ray_x,
             ray_y,
         }

@@ -89,7 +89,7 @@ impl Occluders {
     /// The same slabs on a grid `factor` times as coarse, each taken from the middle pixel of its
     /// square (never a mean, which would invent surfaces between two others).
     #[must_use]
-    pub(super) fn reduced(&self, factor: usize) -> Self {
+    pub(in crate::relight) fn reduced(&self, factor: usize) -> Self {
         let (width, height) = self.size();
         let (small_width, small_height) = (width.div_ceil(factor), height.div_ceil(factor));
         let middle = (factor - 1) / 2;
