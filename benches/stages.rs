@@ -47,9 +47,11 @@ fn line(name: &str, bytes: usize, target: Option<f64>, work: impl FnMut()) -> f6
     let mut to = vec![0u8; bytes / 2];
     let copy = median(&timings(|| {
         let share = bytes.div_ceil(4).max(1);
-        to.par_chunks_mut(share).zip(from.par_chunks(share)).for_each(|(to, from)| {
-            to.copy_from_slice(from);
-        });
+        to.par_chunks_mut(share)
+            .zip(from.par_chunks(share))
+            .for_each(|(to, from)| {
+                to.copy_from_slice(from);
+            });
         black_box(&to);
     }));
     let target = target.map_or(String::from("—"), |target| format!("{target:.0}"));
@@ -68,7 +70,10 @@ fn main() {
     if !std::env::args().any(|argument| argument == "--bench") {
         return;
     }
-    rayon::ThreadPoolBuilder::new().num_threads(2).build_global().expect("the first pool");
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(2)
+        .build_global()
+        .expect("the first pool");
     println!("| stage | median ms | best ms | target ms | MB | to a copy |");
     println!("|---|---|---|---|---|---|");
     lights();
@@ -87,9 +92,11 @@ fn lights() {
         let bytes = width * height * (12 + 12 + 4 + 8 + 12 + 4);
         let mut light = Plane::filled(width, height, [0.0; 3]);
         let mut shadow = Plane::filled(width, height, 0.0);
-        for (place, direction) in
-            [("oblique", [0.5, 0.6, 0.62]), ("grazing", [0.9, 0.2, 0.2]), ("frontal", [0.0, 0.0, 1.0])]
-        {
+        for (place, direction) in [
+            ("oblique", [0.5, 0.6, 0.62]),
+            ("grazing", [0.9, 0.2, 0.2]),
+            ("frontal", [0.0, 0.0, 1.0]),
+        ] {
             let lamp = Lamp::from_person(direction).expect("a direction");
             let name = format!("one {place} light with cast shadow, {width}×{height}");
             line(&name, bytes, Some(target), || {
@@ -98,13 +105,26 @@ fn lights() {
             });
         }
         let lamp = Lamp::from_person([0.5, 0.6, 0.62]).expect("a direction");
-        line(&format!("the same without shadow, {width}×{height}"), bytes, None, || {
-            let options = RelightOptions { shadows: Shadows::None, indirect: Indirect::None };
-            black_box(prepared.relight_into(&lamp, options, &mut light, &mut shadow));
-        });
-        line(&format!("preparing a scene, {width}×{height}"), bytes, None, || {
-            black_box(Prepared::new(&scene));
-        });
+        line(
+            &format!("the same without shadow, {width}×{height}"),
+            bytes,
+            None,
+            || {
+                let options = RelightOptions {
+                    shadows: Shadows::None,
+                    indirect: Indirect::None,
+                };
+                black_box(prepared.relight_into(&lamp, options, &mut light, &mut shadow));
+            },
+        );
+        line(
+            &format!("preparing a scene, {width}×{height}"),
+            bytes,
+            None,
+            || {
+                black_box(Prepared::new(&scene));
+            },
+        );
     }
 }
 
@@ -112,16 +132,29 @@ fn environments() {
     let scene = world::scene(512, 512);
     let prepared = Prepared::new(&scene);
     let pixels = 512 * 512;
-    line("visibility map, 32 azimuths × 8 rings, 512²", pixels * 44, Some(40.0), || {
-        black_box(prepared.visibility_map());
-    });
+    line(
+        "visibility map, 32 azimuths × 8 rings, 512²",
+        pixels * 44,
+        Some(40.0),
+        || {
+            black_box(prepared.visibility_map());
+        },
+    );
     let map = prepared.visibility_map();
     let environment = Environment::new(&world::sky()).expect("a sky");
-    let options = RelightOptions { indirect: Indirect::None, ..Default::default() };
+    let options = RelightOptions {
+        indirect: Indirect::None,
+        ..Default::default()
+    };
     let lamps = environment.lamps().count();
-    line(&format!("environment as {lamps} shadowed lights, 512²"), pixels * 76, Some(60.0), || {
-        black_box(prepared.environment(&map, &environment, options));
-    });
+    line(
+        &format!("environment as {lamps} shadowed lights, 512²"),
+        pixels * 76,
+        Some(60.0),
+        || {
+            black_box(prepared.environment(&map, &environment, options));
+        },
+    );
     let fast = prepared.environment(&map, &environment, options).light;
     let mut sum = vec![[0.0f32; 3]; pixels];
     for lamp in environment.lamps() {
@@ -142,8 +175,14 @@ fn environments() {
         "\nenvironment against the sum of its {lamps} lights: error {:.1} dB under the signal; \
          brightness differs by {:.3} dB\n",
         level(signal) - level(error),
-        level(fast.0.samples().iter().flatten().map(|v| f64::from(*v).powi(2)).sum())
-            - level(signal),
+        level(
+            fast.0
+                .samples()
+                .iter()
+                .flatten()
+                .map(|v| f64::from(*v).powi(2))
+                .sum()
+        ) - level(signal),
     );
 }
 
@@ -203,21 +242,34 @@ fn registration() {
     let mut scratch = Scratch::default();
     let mut registered = RegisteredDepth::unknown(1280, 720);
     let bytes = 640 * 576 * 4 + 1280 * 720 * 9;
-    line("depth 640×576 → color 1280×720", bytes, Some(8.0), || {
-        register_into(&frame, &maps, None, &mut scratch, &mut registered).expect("depth");
-    });
+    line(
+        "depth 640×576 → color 1280×720",
+        bytes,
+        Some(8.0),
+        || {
+            register_into(&frame, &maps, None, &mut scratch, &mut registered).expect("depth");
+        },
+    );
 }
 
 fn subtraction() {
     let (width, height) = (4000, 3000);
     let (flash, ambient) = world::photographs(width, height);
-    let noise = NoiseModel { read_variance: 1e-6, shot_slope: 1e-4 };
+    let noise = NoiseModel {
+        read_variance: 1e-6,
+        shot_slope: 1e-4,
+    };
     let mut light = LinearImage(Plane::filled(width, height, [0.0; 3]));
     let mut variance = Plane::filled(width, height, 0.0);
-    line("subtraction of a 12 MP pair with variance", width * height * 22, Some(60.0), || {
-        subtract_linear_into(&flash, &ambient, [noise; 2], &mut light, &mut variance)
-            .expect("a pair");
-    });
+    line(
+        "subtraction of a 12 MP pair with variance",
+        width * height * 22,
+        Some(60.0),
+        || {
+            subtract_linear_into(&flash, &ambient, [noise; 2], &mut light, &mut variance)
+                .expect("a pair");
+        },
+    );
 }
 
 fn twelve_megapixels() {
@@ -241,7 +293,10 @@ fn peak_mebibytes() -> f64 {
     std::fs::read_to_string("/proc/self/status")
         .ok()
         .and_then(|status| {
-            let line = status.lines().find(|line| line.starts_with("VmHWM"))?.to_owned();
+            let line = status
+                .lines()
+                .find(|line| line.starts_with("VmHWM"))?
+                .to_owned();
             line.split_whitespace().nth(1)?.parse::<f64>().ok()
         })
         .map_or(0.0, |kibibytes| kibibytes / 1024.0)

@@ -32,8 +32,12 @@ pub enum Stage {
 
 impl Stage {
     /// All of them, in order.
-    pub const ALL: [Self; 4] =
-        [Self::Radiometry, Self::Registration, Self::Scene, Self::Prepare];
+    pub const ALL: [Self; 4] = [
+        Self::Radiometry,
+        Self::Registration,
+        Self::Scene,
+        Self::Prepare,
+    ];
 
     /// What it does, for a progress line.
     pub fn description(self) -> &'static str {
@@ -142,7 +146,13 @@ pub fn develop(
     begins(Stage::Prepare);
     let prepared = Prepared::new(&scene);
     let working_light = reduced.map(|reduced| reduced.light);
-    Ok(Development { flash_only, working_light, registered, scene, prepared })
+    Ok(Development {
+        flash_only,
+        working_light,
+        registered,
+        scene,
+        prepared,
+    })
 }
 
 /// Makes surfaces outside the mask unknown. Their depth stays: what does not count as picture
@@ -180,7 +190,10 @@ fn reduce(light: &FlashOnly, factor: usize) -> FlashOnly {
 }
 
 fn mean<T: Mix>(plane: &Plane<T>, factor: usize) -> Plane<T> {
-    let (width, height) = ((plane.width() / factor).max(1), (plane.height() / factor).max(1));
+    let (width, height) = (
+        (plane.width() / factor).max(1),
+        (plane.height() / factor).max(1),
+    );
     let samples = (0..width * height)
         .into_par_iter()
         .map(|index| {
@@ -189,12 +202,21 @@ fn mean<T: Mix>(plane: &Plane<T>, factor: usize) -> Plane<T> {
             for y in top..(top + factor).min(plane.height()) {
                 let row = plane.row(y);
                 let end = (left + factor).min(row.len());
-                known.extend(row[left..end].iter().filter(|s| s.is_known()).map(|s| (1.0, *s)));
+                known.extend(
+                    row[left..end]
+                        .iter()
+                        .filter(|s| s.is_known())
+                        .map(|s| (1.0, *s)),
+                );
             }
             let share = 1.0 / known.len() as f32;
             known.iter_mut().for_each(|(weight, _)| *weight = share);
             // More than half unknown: a mean of the rest would be of something else.
-            if 2 * known.len() < factor * factor { T::unknown() } else { T::mix(&known) }
+            if 2 * known.len() < factor * factor {
+                T::unknown()
+            } else {
+                T::mix(&known)
+            }
         })
         .collect();
     Plane::new(width, height, samples).expect("one sample per pixel")

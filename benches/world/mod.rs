@@ -49,13 +49,19 @@ fn hit(ray: Vec3) -> (f32, Vec3) {
 }
 
 fn ray(lens: &Intrinsics, x: usize, y: usize) -> Vec3 {
-    let ray = lens.ray(glam::DVec2::new(x as f64, y as f64)).unwrap_or(DVec3::Z);
+    let ray = lens
+        .ray(glam::DVec2::new(x as f64, y as f64))
+        .unwrap_or(DVec3::Z);
     ray.as_vec3()
 }
 
 fn albedo(x: usize, y: usize, width: usize) -> [f32; 3] {
     let side = (width / 24).max(1);
-    if (x / side + y / side) % 2 == 0 { [0.7, 0.5, 0.3] } else { [0.3, 0.4, 0.6] }
+    if (x / side + y / side) % 2 == 0 {
+        [0.7, 0.5, 0.3]
+    } else {
+        [0.3, 0.4, 0.6]
+    }
 }
 
 /// The world as a finished scene with a little depth noise to compare against.
@@ -79,7 +85,11 @@ pub fn scene(width: usize, height: usize) -> Scene {
 pub fn sky() -> Plane<[f32; 3]> {
     Plane::from_fn(256, 128, |x, y| {
         let up = 1.0 - y as f32 / 127.0;
-        let sun = if x < 40 && (20..40).contains(&y) { 4.0 } else { 0.0 };
+        let sun = if x < 40 && (20..40).contains(&y) {
+            4.0
+        } else {
+            0.0
+        };
         [0.3 + up + sun, 0.3 + up + sun, 0.3 + 1.3 * up + 0.8 * sun]
     })
 }
@@ -101,7 +111,11 @@ pub fn march_64(scene: &Scene, toward: Vec3) -> Vec<bool> {
             let z = depth[index];
             let start = Vec3::new((x - cx) / fx * z, (y - cy) / fy * z, z);
             // Far enough that the image of the ray has left the frame, or has passed the lens.
-            let reach = if toward.z < 0.0 { -0.95 * z / toward.z } else { 4.0 };
+            let reach = if toward.z < 0.0 {
+                -0.95 * z / toward.z
+            } else {
+                4.0
+            };
             let end = start + toward * reach.min(4.0);
             let (ex, ey) = (cx + fx * end.x / end.z, cy + fy * end.y / end.z);
             let (dx, dy) = (ex - x, ey - y);
@@ -114,7 +128,9 @@ pub fn march_64(scene: &Scene, toward: Vec3) -> Vec<bool> {
                     f32::INFINITY
                 }
             };
-            let share = limit(x, dx, width as f32).min(limit(y, dy, height as f32)).min(1.0);
+            let share = limit(x, dx, width as f32)
+                .min(limit(y, dy, height as f32))
+                .min(1.0);
             for step in 1..=64 {
                 let t = share * step as f32 / 64.0;
                 let (px, py) = (x + dx * t, y + dy * t);
@@ -138,8 +154,13 @@ pub fn depth_frame(
     color_width: usize,
     color_height: usize,
 ) -> (Rig, DepthFrame) {
-    let distortion =
-        Distortion::BrownConrady { k1: 0.05, k2: -0.02, p1: 1e-4, p2: -1e-4, k3: 0.0 };
+    let distortion = Distortion::BrownConrady {
+        k1: 0.05,
+        k2: -0.02,
+        p1: 1e-4,
+        p2: -1e-4,
+        k3: 0.0,
+    };
     let depth = lens(width, height, distortion);
     let to_color = RigidTransform {
         translation_metres: DVec3::new(-0.032, -0.002, 0.004),
@@ -147,8 +168,14 @@ pub fn depth_frame(
     };
     let rig = Rig {
         color: lens(color_width, color_height, distortion),
-        depth: Some(DepthCamera { lens: depth, to_color }),
-        flash: FlashLamp { position_metres: DVec3::ZERO, intensity: Some(0.5) },
+        depth: Some(DepthCamera {
+            lens: depth,
+            to_color,
+        }),
+        flash: FlashLamp {
+            position_metres: DVec3::ZERO,
+            intensity: Some(0.5),
+        },
     };
     let metres = Plane::from_fn(width, height, |x, y| {
         // A hash stands in for noise: 1 mm.
@@ -181,28 +208,36 @@ fn photograph(light: Illumination, pixels: Plane<[u8; 3]>) -> ColorFrame {
 /// A flash and an ambient photograph of the same size, 8 bit.
 pub fn photographs(width: usize, height: usize) -> (ColorFrame, ColorFrame) {
     let level = |x: usize, y: usize| ((x * 7 + y * 13) % 97) as u8;
-    let flash = Plane::from_fn(width, height, |x, y| [90 + level(x, y), 80 + level(y, x), 100]);
+    let flash = Plane::from_fn(width, height, |x, y| {
+        [90 + level(x, y), 80 + level(y, x), 100]
+    });
     let ambient = Plane::from_fn(width, height, |x, y| [40 + level(x, y) / 3, 40, 30]);
-    (photograph(Illumination::Flash, flash), photograph(Illumination::Ambient, ambient))
+    (
+        photograph(Illumination::Flash, flash),
+        photograph(Illumination::Ambient, ambient),
+    )
 }
 
 /// A whole shot of the world: photographs of the given size and a depth frame of 640×576.
 pub fn large_shot(width: usize, height: usize) -> Shot {
     let (rig, depth) = depth_frame(640, 576, width, height);
     let mut pixels = vec![[0u8; 3]; width * height];
-    pixels.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
-        for (x, pixel) in row.iter_mut().enumerate() {
-            let ray = ray(&rig.color, x, y);
-            let (z, normal) = hit(ray);
-            let distance = ray.length() * z;
-            let cosine = normal.dot(-ray.normalize()).max(0.0);
-            let albedo = albedo(x, y, width);
-            *pixel = albedo.map(|a| {
-                let light = 0.5 * a * cosine / (distance * distance) + 0.02;
-                (captured::radiometry::transfer::srgb_encode(light.min(1.0)) * 255.0) as u8
-            });
-        }
-    });
+    pixels
+        .par_chunks_mut(width)
+        .enumerate()
+        .for_each(|(y, row)| {
+            for (x, pixel) in row.iter_mut().enumerate() {
+                let ray = ray(&rig.color, x, y);
+                let (z, normal) = hit(ray);
+                let distance = ray.length() * z;
+                let cosine = normal.dot(-ray.normalize()).max(0.0);
+                let albedo = albedo(x, y, width);
+                *pixel = albedo.map(|a| {
+                    let light = 0.5 * a * cosine / (distance * distance) + 0.02;
+                    (captured::radiometry::transfer::srgb_encode(light.min(1.0)) * 255.0) as u8
+                });
+            }
+        });
     let flash = Plane::new(width, height, pixels).expect("one sample per pixel");
     let ambient = Plane::filled(width, height, [38u8; 3]);
     Shot {
@@ -213,4 +248,3 @@ pub fn large_shot(width: usize, height: usize) -> Shot {
         mask: None,
     }
 }
-

@@ -13,9 +13,25 @@ pub enum Distortion {
     /// A pinhole.
     None {},
     /// Brown–Conrady (Brown 1966).
-    BrownConrady { k1: f64, k2: f64, p1: f64, p2: f64, #[serde(default)] k3: f64 },
+    BrownConrady {
+        k1: f64,
+        k2: f64,
+        p1: f64,
+        p2: f64,
+        #[serde(default)]
+        k3: f64,
+    },
     /// The rational model with eight coefficients (Claus & Fitzgibbon 2005).
-    Rational { k1: f64, k2: f64, p1: f64, p2: f64, k3: f64, k4: f64, k5: f64, k6: f64 },
+    Rational {
+        k1: f64,
+        k2: f64,
+        p1: f64,
+        p2: f64,
+        k3: f64,
+        k4: f64,
+        k5: f64,
+        k6: f64,
+    },
 }
 
 impl Distortion {
@@ -24,7 +40,16 @@ impl Distortion {
         match *self {
             Self::None {} => [0.0; 8],
             Self::BrownConrady { k1, k2, p1, p2, k3 } => [k1, k2, p1, p2, k3, 0.0, 0.0, 0.0],
-            Self::Rational { k1, k2, p1, p2, k3, k4, k5, k6 } => [k1, k2, p1, p2, k3, k4, k5, k6],
+            Self::Rational {
+                k1,
+                k2,
+                p1,
+                p2,
+                k3,
+                k4,
+                k5,
+                k6,
+            } => [k1, k2, p1, p2, k3, k4, k5, k6],
         }
     }
 
@@ -57,9 +82,11 @@ impl Distortion {
                 return Some(ideal);
             }
             const STEP: f64 = 1e-6;
-            let dx = (self.distort(ideal + DVec2::X * STEP) - self.distort(ideal - DVec2::X * STEP))
+            let dx = (self.distort(ideal + DVec2::X * STEP)
+                - self.distort(ideal - DVec2::X * STEP))
                 / (2.0 * STEP);
-            let dy = (self.distort(ideal + DVec2::Y * STEP) - self.distort(ideal - DVec2::Y * STEP))
+            let dy = (self.distort(ideal + DVec2::Y * STEP)
+                - self.distort(ideal - DVec2::Y * STEP))
                 / (2.0 * STEP);
             let determinant = dx.x * dy.y - dy.x * dx.y;
             // A fold of the model: beyond it two rays share one pixel.
@@ -94,14 +121,21 @@ impl Intrinsics {
         if point.z <= 0.0 {
             return None;
         }
-        let bent = self.distortion.distort(DVec2::new(point.x / point.z, point.y / point.z));
-        Some(DVec2::new(self.fx * bent.x + self.cx, self.fy * bent.y + self.cy))
+        let bent = self
+            .distortion
+            .distort(DVec2::new(point.x / point.z, point.y / point.z));
+        Some(DVec2::new(
+            self.fx * bent.x + self.cx,
+            self.fy * bent.y + self.cy,
+        ))
     }
 
     /// Ray (x/z, y/z, 1) through a pixel; `None` outside the lens model's useful circle.
     pub fn ray(&self, pixel: DVec2) -> Option<DVec3> {
         let bent = DVec2::new((pixel.x - self.cx) / self.fx, (pixel.y - self.cy) / self.fy);
-        self.distortion.undistort(bent).map(|ideal| ideal.extend(1.0))
+        self.distortion
+            .undistort(bent)
+            .map(|ideal| ideal.extend(1.0))
     }
 
     /// `(width, height)`.
@@ -137,8 +171,10 @@ pub struct RigidTransform {
 
 impl RigidTransform {
     /// Leaves every point where it is.
-    pub const IDENTITY: Self =
-        Self { rotation: DMat3::IDENTITY, translation_metres: DVec3::ZERO };
+    pub const IDENTITY: Self = Self {
+        rotation: DMat3::IDENTITY,
+        translation_metres: DVec3::ZERO,
+    };
 
     /// Takes a point across.
     pub fn apply(&self, point: DVec3) -> DVec3 {

@@ -33,7 +33,11 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { exposure_seconds: None, gain: None, flash_every: 3 }
+        Self {
+            exposure_seconds: None,
+            gain: None,
+            flash_every: 3,
+        }
     }
 }
 

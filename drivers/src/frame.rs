@@ -23,7 +23,10 @@ impl Timestamp {
     /// This moment moved later; stops at the end of the clock.
     #[must_use]
     pub fn after(self, delay: Duration) -> Self {
-        Self(self.0.saturating_add(u64::try_from(delay.as_nanos()).unwrap_or(u64::MAX)))
+        Self(
+            self.0
+                .saturating_add(u64::try_from(delay.as_nanos()).unwrap_or(u64::MAX)),
+        )
     }
 
     /// How far two moments lie apart, whichever comes first.
@@ -54,7 +57,10 @@ pub struct Exposure {
 
 impl Exposure {
     /// One second at base gain: dividing by it changes nothing.
-    pub const UNIT: Self = Self { seconds: 1.0, gain: 1.0 };
+    pub const UNIT: Self = Self {
+        seconds: 1.0,
+        gain: 1.0,
+    };
 
     /// `seconds · gain`, the factor between scene-linear light and pixel values.
     pub fn factor(self) -> f32 {

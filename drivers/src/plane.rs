@@ -34,9 +34,18 @@ impl<T> Plane<T> {
     pub fn new(width: usize, height: usize, samples: Vec<T>) -> Result<Self, SizeMismatch> {
         let expected = width.saturating_mul(height);
         if samples.len() != expected {
-            return Err(SizeMismatch { width, height, expected, found: samples.len() });
+            return Err(SizeMismatch {
+                width,
+                height,
+                expected,
+                found: samples.len(),
+            });
         }
-        Ok(Self { width, height, samples })
+        Ok(Self {
+            width,
+            height,
+            samples,
+        })
     }
 
     /// Asks `sample(x, y)` for every pixel.
@@ -45,7 +54,11 @@ impl<T> Plane<T> {
         for y in 0..height {
             samples.extend((0..width).map(|x| sample(x, y)));
         }
-        Self { width, height, samples }
+        Self {
+            width,
+            height,
+            samples,
+        }
     }
 
     /// Pixels per row.
@@ -106,7 +119,11 @@ impl<T> Plane<T> {
 
     /// The sample at (x, y), or `None` outside.
     pub fn get(&self, x: usize, y: usize) -> Option<&T> {
-        if x < self.width { self.samples.get(y * self.width + x) } else { None }
+        if x < self.width {
+            self.samples.get(y * self.width + x)
+        } else {
+            None
+        }
     }
 
     /// A plane of the same shape with every sample passed through `change`.
@@ -122,7 +139,11 @@ impl<T> Plane<T> {
 impl<T: Clone> Plane<T> {
     /// Every pixel the same.
     pub fn filled(width: usize, height: usize, sample: T) -> Self {
-        Self { width, height, samples: vec![sample; width * height] }
+        Self {
+            width,
+            height,
+            samples: vec![sample; width * height],
+        }
     }
 }
 

@@ -1,7 +1,7 @@
 //! Black, white and exposure of one frame: from a stored value to light, and where it clips.
 
 use super::{RadiometryError, transfer};
-use drivers::{Pixels, ColorFrame, Transfer};
+use drivers::{ColorFrame, Pixels, Transfer};
 
 /// How one frame's values (fractions of full scale) become light at unit exposure.
 #[derive(Debug, Clone)]

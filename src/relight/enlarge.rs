@@ -37,7 +37,12 @@ impl Mix for [f32; 3] {
         !self[0].is_nan()
     }
     fn mix(samples: &[(f32, Self)]) -> Self {
-        std::array::from_fn(|c| samples.iter().map(|(weight, sample)| weight * sample[c]).sum())
+        std::array::from_fn(|c| {
+            samples
+                .iter()
+                .map(|(weight, sample)| weight * sample[c])
+                .sum()
+        })
     }
     fn unknown() -> Self {
         [f32::NAN; 3]
@@ -50,7 +55,11 @@ impl Mix for Vec3 {
     }
     /// Directions: the mean is brought back to unit length.
     fn mix(samples: &[(f32, Self)]) -> Self {
-        samples.iter().map(|(weight, sample)| *weight * *sample).sum::<Self>().normalize_or_zero()
+        samples
+            .iter()
+            .map(|(weight, sample)| *weight * *sample)
+            .sum::<Self>()
+            .normalize_or_zero()
     }
     fn unknown() -> Self {
         Self::NAN
@@ -105,11 +114,14 @@ fn at<T: Mix>(
 pub fn enlarge<T: Mix>(plane: &Plane<T>, width: usize, height: usize) -> Plane<T> {
     let (columns, rows) = (places(plane.width(), width), places(plane.height(), height));
     let mut samples = vec![T::unknown(); width * height];
-    samples.par_chunks_mut(width.max(1)).zip(rows.par_iter()).for_each(|(out, &row)| {
-        for (out, &column) in out.iter_mut().zip(&columns) {
-            *out = at(plane, column, row);
-        }
-    });
+    samples
+        .par_chunks_mut(width.max(1))
+        .zip(rows.par_iter())
+        .for_each(|(out, &row)| {
+            for (out, &column) in out.iter_mut().zip(&columns) {
+                *out = at(plane, column, row);
+            }
+        });
     Plane::new(width, height, samples).expect("one sample per pixel")
 }
 
@@ -174,7 +186,10 @@ fn median_level(light: &LinearImage) -> f32 {
         return 1.0;
     }
     let middle = levels.len() / 2;
-    levels.select_nth_unstable_by(middle, f32::total_cmp).1.max(1e-6)
+    levels
+        .select_nth_unstable_by(middle, f32::total_cmp)
+        .1
+        .max(1e-6)
 }
 
 #[cfg(test)]

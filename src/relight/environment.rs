@@ -1,7 +1,7 @@
 //! Light from everywhere: an environment map as 256 shadowed lights.
 
 use super::{
-    Lamp, Prepared, RelightOptions, Relit, Shadows, Indirect,
+    Indirect, Lamp, Prepared, RelightOptions, Relit, Shadows,
     shading::{Facet, SurfaceRow, block},
     visibility::{
         VisibilityMap,
@@ -29,7 +29,9 @@ pub enum EnvironmentError {
     #[error("environment map is {0}×{1}; a latitude–longitude map is twice as wide as high")]
     Shape(usize, usize),
     /// Negative or not finite.
-    #[error("environment map holds a value that is negative or not finite at pixel ({0}, {1}); clean it first")]
+    #[error(
+        "environment map holds a value that is negative or not finite at pixel ({0}, {1}); clean it first"
+    )]
     Value(usize, usize),
     /// All black.
     #[error("environment map sends no light toward what the camera sees")]
@@ -67,8 +69,7 @@ impl Environment {
             let share = f64::from(cos_latitude) * (std::f64::consts::PI / height as f64).powi(2)
                 / std::f64::consts::PI;
             for x in 0..width {
-                let longitude =
-                    std::f32::consts::TAU * ((x as f32 + 0.5) / width as f32 - 0.5);
+                let longitude = std::f32::consts::TAU * ((x as f32 + 0.5) / width as f32 - 0.5);
                 let pixel = radiance[(x, y)];
                 if !pixel.iter().all(|value| value.is_finite() && *value >= 0.0) {
                     return Err(EnvironmentError::Value(x, y));
@@ -108,8 +109,9 @@ impl Environment {
     fn strong(&self) -> Vec<usize> {
         let power = |lamp: &Option<Lamp>| lamp.map_or(0.0, |lamp| lamp.color.iter().sum::<f32>());
         let total: f32 = self.lamps.iter().map(power).sum();
-        let mut strong: Vec<usize> =
-            (0..DIRECTIONS).filter(|&cell| power(&self.lamps[cell]) > STRONG_SHARE * total).collect();
+        let mut strong: Vec<usize> = (0..DIRECTIONS)
+            .filter(|&cell| power(&self.lamps[cell]) > STRONG_SHARE * total)
+            .collect();
         strong.sort_by(|&a, &b| power(&self.lamps[b]).total_cmp(&power(&self.lamps[a])));
         strong.truncate(STRONG_LIGHTS);
         strong
@@ -137,7 +139,12 @@ impl Prepared {
     ///
     /// # Panics
     /// When `map` is of another scene's size: a bug of the caller.
-    pub fn environment(&self, map: &VisibilityMap, environment: &Environment, options: RelightOptions) -> Relit {
+    pub fn environment(
+        &self,
+        map: &VisibilityMap,
+        environment: &Environment,
+        options: RelightOptions,
+    ) -> Relit {
         let strong = environment.strong();
         let mut rings: [Vec<CellLamp>; RINGS] = Default::default();
         for (cell, lamp) in environment.lamps.iter().enumerate() {
@@ -166,14 +173,22 @@ impl Prepared {
                 |(level, places), (y, ((light, shadow), open))| {
                     self.map_places(map, y, places);
                     let surface = self.surfaces.row(y, level);
-                    let row = Row { surface, places, map: shadows, rings: &rings };
+                    let row = Row {
+                        surface,
+                        places,
+                        map: shadows,
+                        rings: &rings,
+                    };
                     dispatch!(Level::new(), simd => row.shade(simd, light, shadow, open));
                 },
             );
         let mut unseen_path_fraction = 0.0;
         for cell in strong {
             let lamp = environment.lamps[cell].expect("strong cells hold a lamp");
-            let options = RelightOptions { indirect: Indirect::None, ..options };
+            let options = RelightOptions {
+                indirect: Indirect::None,
+                ..options
+            };
             let one = self.relight(&lamp, options);
             let full = self.cosines(&lamp);
             let weight = lamp.color.iter().sum::<f32>() / 3.0;
@@ -196,9 +211,17 @@ impl Prepared {
             self.add_bounced(&mut light);
         }
         for (shadow, open) in shadow.samples_mut().iter_mut().zip(open.samples()) {
-            *shadow = if *open > 0.0 { *shadow / open } else { *shadow * 0.0 };
+            *shadow = if *open > 0.0 {
+                *shadow / open
+            } else {
+                *shadow * 0.0
+            };
         }
-        Relit { light: LinearImage(light), shadow, unseen_path_fraction }
+        Relit {
+            light: LinearImage(light),
+            shadow,
+            unseen_path_fraction,
+        }
     }
 
     /// Map pixels for row `y` of the photograph's grid.
@@ -220,7 +243,11 @@ impl Prepared {
         let mut level = vec![0.0; self.width];
         let mut cosines = Vec::with_capacity(self.width * self.height);
         for y in 0..self.height {
-            let SurfaceRow { normal: [nx, ny, nz], albedo, .. } = self.surfaces.row(y, &mut level);
+            let SurfaceRow {
+                normal: [nx, ny, nz],
+                albedo,
+                ..
+            } = self.surfaces.row(y, &mut level);
             cosines.extend((0..self.width).map(|x| {
                 let cosine = nx[x] * toward.x + ny[x] * toward.y + nz[x] * toward.z;
                 albedo[0][x].mul_add(0.0, cosine.max(0.0))
@@ -233,23 +260,33 @@ impl Prepared {
     fn add_bounced(&self, light: &mut Plane<[f32; 3]>) {
         let mut sum = [0.0f64; 3];
         let mut count = 0.0f64;
-        for pixel in light.samples().iter().step_by(61).filter(|pixel| pixel[0].is_finite()) {
+        for pixel in light
+            .samples()
+            .iter()
+            .step_by(61)
+            .filter(|pixel| pixel[0].is_finite())
+        {
             sum = std::array::from_fn(|c| sum[c] + f64::from(pixel[c]));
             count += 1.0;
         }
-        let sent: [f32; 3] =
-            sum.map(|sum| (sum / count.max(1.0)) as f32 * self.bounce);
+        let sent: [f32; 3] = sum.map(|sum| (sum / count.max(1.0)) as f32 * self.bounce);
         let width = self.width.max(1);
-        light.samples_mut().par_chunks_mut(width).enumerate().for_each_init(
-            || vec![0.0; self.width],
-            |level, (y, light)| {
-                let SurfaceRow { albedo, obscurance, .. } = self.surfaces.row(y, level);
-                for (x, pixel) in light.iter_mut().enumerate() {
-                    let bounced = |c: usize| albedo[c][x] * obscurance[x] * sent[c];
-                    *pixel = std::array::from_fn(|c| pixel[c] + bounced(c));
-                }
-            },
-        );
+        light
+            .samples_mut()
+            .par_chunks_mut(width)
+            .enumerate()
+            .for_each_init(
+                || vec![0.0; self.width],
+                |level, (y, light)| {
+                    let SurfaceRow {
+                        albedo, obscurance, ..
+                    } = self.surfaces.row(y, level);
+                    for (x, pixel) in light.iter_mut().enumerate() {
+                        let bounced = |c: usize| albedo[c][x] * obscurance[x] * sent[c];
+                        *pixel = std::array::from_fn(|c| pixel[c] + bounced(c));
+                    }
+                },
+            );
     }
 }
 
@@ -277,8 +314,12 @@ impl Row<'_> {
             let here = LANES.min(light.len() - start);
             let take = |row: &[f32]| block(simd, row, start);
             let rays = [take(surface.ray_x), take(surface.ray_y)];
-            let facet =
-                Facet::new(simd, surface.normal.map(take), take(surface.roughness), rays);
+            let facet = Facet::new(
+                simd,
+                surface.normal.map(take),
+                take(surface.roughness),
+                rays,
+            );
             let mut diffuse = [zero; 3];
             let mut shine = [zero; 3];
             let mut arriving = zero;
@@ -336,7 +377,9 @@ mod tests {
 
     #[test]
     fn light_on_the_right_of_the_map_stands_on_the_right() {
-        let map = Plane::from_fn(64, 32, |x, y| [((40..44).contains(&x) && y < 16) as u8 as f32; 3]);
+        let map = Plane::from_fn(64, 32, |x, y| {
+            [((40..44).contains(&x) && y < 16) as u8 as f32; 3]
+        });
         let environment = Environment::new(&map).unwrap();
         for lamp in environment.lamps() {
             let [x, y, _] = lamp.person_direction();
@@ -347,8 +390,17 @@ mod tests {
     #[test]
     fn maps_that_cannot_be_environments_are_refused() {
         let refuse = |map: Plane<[f32; 3]>| Environment::new(&map).unwrap_err();
-        assert_eq!(refuse(Plane::filled(8, 8, [1.0; 3])), EnvironmentError::Shape(8, 8));
-        assert_eq!(refuse(Plane::filled(8, 4, [f32::NAN; 3])), EnvironmentError::Value(0, 0));
-        assert_eq!(refuse(Plane::filled(8, 4, [0.0; 3])), EnvironmentError::Dark);
+        assert_eq!(
+            refuse(Plane::filled(8, 8, [1.0; 3])),
+            EnvironmentError::Shape(8, 8)
+        );
+        assert_eq!(
+            refuse(Plane::filled(8, 4, [f32::NAN; 3])),
+            EnvironmentError::Value(0, 0)
+        );
+        assert_eq!(
+            refuse(Plane::filled(8, 4, [0.0; 3])),
+            EnvironmentError::Dark
+        );
     }
 }

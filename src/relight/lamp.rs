@@ -21,7 +21,9 @@ pub enum LampError {
     #[error("light direction {0:?} is not finite; give three numbers x,y,z")]
     NotFinite([f32; 3]),
     /// No length.
-    #[error("light direction is 0,0,0; give where the light stands, e.g. 0,0,1 for the flash's own direction")]
+    #[error(
+        "light direction is 0,0,0; give where the light stands, e.g. 0,0,1 for the flash's own direction"
+    )]
     Zero,
     /// A color that is negative or not finite.
     #[error("light color {0:?} must be finite and not negative")]
@@ -39,12 +41,17 @@ impl Lamp {
             return Err(LampError::NotFinite(direction));
         }
         // Scaled first so that tiny and huge directions survive the squaring.
-        let largest = direction.iter().fold(0.0f32, |most, value| most.max(value.abs()));
+        let largest = direction
+            .iter()
+            .fold(0.0f32, |most, value| most.max(value.abs()));
         if largest == 0.0 {
             return Err(LampError::Zero);
         }
         let [x, y, z] = direction.map(|value| value / largest);
-        Ok(Self { toward: Vec3::new(x, -y, -z).normalize(), color: [1.0; 3] })
+        Ok(Self {
+            toward: Vec3::new(x, -y, -z).normalize(),
+            color: [1.0; 3],
+        })
     }
 
     /// The same lamp in another color.
@@ -90,7 +97,10 @@ mod tests {
     #[test]
     fn directions_without_a_direction_are_refused() {
         assert_eq!(Lamp::from_person([0.0; 3]), Err(LampError::Zero));
-        assert!(matches!(Lamp::from_person([f32::NAN, 0.0, 1.0]), Err(LampError::NotFinite(_))));
+        assert!(matches!(
+            Lamp::from_person([f32::NAN, 0.0, 1.0]),
+            Err(LampError::NotFinite(_))
+        ));
         assert!(Lamp::from_person([1e-30, 0.0, 1e-30]).is_ok());
         assert!(Lamp::from_person([f32::MAX, 0.0, f32::MAX]).is_ok());
     }

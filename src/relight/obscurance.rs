@@ -71,7 +71,9 @@ pub(super) fn obscurance(scene: &Scene, occluders: &Occluders) -> Vec<f32> {
                 sums
             },
         );
-    let shares = sums.iter().map(|[blocked, all]| if *all > 0.0 { blocked / all } else { 0.0 });
+    let shares = sums
+        .iter()
+        .map(|[blocked, all]| if *all > 0.0 { blocked / all } else { 0.0 });
     let shares = Plane::new(small_width, small_height, shares.collect()).expect("one per pixel");
     enlarge(&shares, width, height).into_samples()
 }

@@ -23,7 +23,10 @@ pub(super) fn straighten(scene: &Scene) -> Option<Straightened> {
     if matches!(bent.distortion, Distortion::None {}) {
         return None;
     }
-    let camera = Intrinsics { distortion: Distortion::None {}, ..*bent };
+    let camera = Intrinsics {
+        distortion: Distortion::None {},
+        ..*bent
+    };
     let (width, height) = camera.size();
     let inside = |pixel: DVec2| {
         let (x, y) = (pixel.x.round(), pixel.y.round());
@@ -43,7 +46,9 @@ pub(super) fn straighten(scene: &Scene) -> Option<Straightened> {
         })
         .collect();
     let edge = STEEPEST_TANGENT / camera.fx.min(camera.fy) as f32;
-    let metres = resample(&seen, camera.size(), f32::NAN, |at| depth_at(scene, at, edge));
+    let metres = resample(&seen, camera.size(), f32::NAN, |at| {
+        depth_at(scene, at, edge)
+    });
     let nearest = |plane: &Plane<f32>| {
         resample(&seen, camera.size(), 0.0, |at| {
             inside(at).map_or(0.0, |index| plane.samples()[index])
@@ -76,7 +81,10 @@ fn resample(
     otherwise: f32,
     value: impl Fn(DVec2) -> f32 + Sync,
 ) -> Plane<f32> {
-    let samples = seen.par_iter().map(|at| at.map_or(otherwise, &value)).collect();
+    let samples = seen
+        .par_iter()
+        .map(|at| at.map_or(otherwise, &value))
+        .collect();
     Plane::new(width, height, samples).expect("one sample per pixel")
 }
 
@@ -91,7 +99,12 @@ fn depth_at(scene: &Scene, at: DVec2, edge: f32) -> f32 {
     let (x1, y1) = ((x0 + 1).min(width - 1), (y0 + 1).min(height - 1));
     let (fx, fy) = ((x - x0 as f64) as f32, (y - y0 as f64) as f32);
     let nearest = depth[(x.round() as usize, y.round() as usize)];
-    let corners = [depth[(x0, y0)], depth[(x1, y0)], depth[(x0, y1)], depth[(x1, y1)]];
+    let corners = [
+        depth[(x0, y0)],
+        depth[(x1, y0)],
+        depth[(x0, y1)],
+        depth[(x1, y1)],
+    ];
     if !corners.iter().all(|z| (z - nearest).abs() < edge * nearest) {
         return nearest;
     }

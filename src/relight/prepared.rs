@@ -97,14 +97,30 @@ impl Prepared {
                 ),
                 None,
             ),
-            Some(Straightened { camera, planes: [metres, thickness, sigma], lookup }) => {
-                (Occluders::new(camera, &metres, &thickness, &sigma), Some(lookup))
-            }
+            Some(Straightened {
+                camera,
+                planes: [metres, thickness, sigma],
+                lookup,
+            }) => (
+                Occluders::new(camera, &metres, &thickness, &sigma),
+                Some(lookup),
+            ),
         };
         let obscurance = obscurance(scene, &occluders);
         let surfaces = Surfaces::new(scene, obscurance);
-        let bounce = if scene.scale_known { BOUNCE } else { BOUNCE_OF_UNKNOWN_SCALE };
-        Self { width, height, surfaces, occluders, bounce, straightened }
+        let bounce = if scene.scale_known {
+            BOUNCE
+        } else {
+            BOUNCE_OF_UNKNOWN_SCALE
+        };
+        Self {
+            width,
+            height,
+            surfaces,
+            occluders,
+            bounce,
+            straightened,
+        }
     }
 
     /// `(width, height)` in pixels.
@@ -117,7 +133,11 @@ impl Prepared {
         let mut light = Plane::filled(self.width, self.height, [0.0; 3]);
         let mut shadow = Plane::filled(self.width, self.height, 0.0);
         let unseen_path_fraction = self.relight_into(lamp, options, &mut light, &mut shadow);
-        Relit { light: LinearImage(light), shadow, unseen_path_fraction }
+        Relit {
+            light: LinearImage(light),
+            shadow,
+            unseen_path_fraction,
+        }
     }
 
     /// [`Self::relight`] into planes of the scene's size; returns the unseen path fraction.
@@ -136,8 +156,11 @@ impl Prepared {
         if self.width * self.height == 0 {
             return 0.0;
         }
-        let mut shader =
-            ShaderLamp { toward: lamp.toward().to_array(), color: lamp.color, indirect: [0.0; 3] };
+        let mut shader = ShaderLamp {
+            toward: lamp.toward().to_array(),
+            color: lamp.color,
+            indirect: [0.0; 3],
+        };
         let swept =
             (options.shadows != Shadows::None).then(|| sweep(&self.occluders, lamp.toward()));
         let answers = swept.as_ref().map(|swept| Answers::new(swept, self.width));
@@ -176,13 +199,23 @@ impl Prepared {
         let sums = rows
             .par_iter()
             .map_init(
-                || (vec![0.0f32; self.width], vec![0.0f32; self.width], vec![[0.0; 3]; self.width]),
+                || {
+                    (
+                        vec![0.0f32; self.width],
+                        vec![0.0f32; self.width],
+                        vec![[0.0; 3]; self.width],
+                    )
+                },
                 |(level, visibility, out), &y| {
                     source.row(y, visibility);
                     let surface = self.surfaces.row(y, level);
                     shade_row(&surface, shader, visibility, out);
                     let mut sum = [0.0f64; 4];
-                    for pixel in out.iter().step_by(SPARSE).filter(|pixel| pixel[0].is_finite()) {
+                    for pixel in out
+                        .iter()
+                        .step_by(SPARSE)
+                        .filter(|pixel| pixel[0].is_finite())
+                    {
                         for (sum, value) in sum.iter_mut().zip(pixel) {
                             *sum += f64::from(*value);
                         }
@@ -203,7 +236,11 @@ enum Source<'a> {
     /// Straight from the lines.
     Lines(&'a Answers<'a>),
     /// From a pinhole grid, through a lookup.
-    Straightened { visibility: Plane<f32>, unseen: usize, lookup: &'a Plane<u32> },
+    Straightened {
+        visibility: Plane<f32>,
+        unseen: usize,
+        lookup: &'a Plane<u32>,
+    },
 }
 
 impl<'a> Source<'a> {
@@ -219,7 +256,11 @@ impl<'a> Source<'a> {
                     .enumerate()
                     .map(|(y, row)| answers.row(y, row))
                     .sum();
-                Self::Straightened { visibility, unseen, lookup }
+                Self::Straightened {
+                    visibility,
+                    unseen,
+                    lookup,
+                }
             }
         }
     }
@@ -232,9 +273,17 @@ impl<'a> Source<'a> {
                 0
             }
             Self::Lines(answers) => answers.row(y, out),
-            Self::Straightened { visibility, unseen, lookup } => {
+            Self::Straightened {
+                visibility,
+                unseen,
+                lookup,
+            } => {
                 for (out, &index) in out.iter_mut().zip(lookup.row(y)) {
-                    *out = visibility.samples().get(index as usize).copied().unwrap_or(1.0);
+                    *out = visibility
+                        .samples()
+                        .get(index as usize)
+                        .copied()
+                        .unwrap_or(1.0);
                 }
                 // Counted once for the whole picture.
                 if y == 0 { *unseen } else { 0 }

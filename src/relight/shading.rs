@@ -90,7 +90,14 @@ impl<S: Simd> Facet<S> {
         let rough_one = roughness + 1.0;
         let k = rough_one * rough_one * 0.125;
         let per_masking = splat(0.25) / n_dot_v.mul_add(splat(1.0) - k, k);
-        Self { normal, to_camera, n_dot_v, alpha2: alpha * alpha, k, per_masking }
+        Self {
+            normal,
+            to_camera,
+            n_dot_v,
+            alpha2: alpha * alpha,
+            k,
+            per_masking,
+        }
     }
 
     /// `[n·l, π f n·l]` under a lamp in direction `toward`, both zero where it is turned away.
@@ -107,8 +114,7 @@ impl<S: Simd> Facet<S> {
         let v_dot_h = (opening * per_half).max(zero).min(one);
         let lit = n_dot_l.max(zero);
         // (n·h)²(α² − 1) + 1 without the cancellation near the peak of a narrow lobe.
-        let spread =
-            (n_dot_h * n_dot_h).mul_add(self.alpha2, (one - n_dot_h) * (one + n_dot_h));
+        let spread = (n_dot_h * n_dot_h).mul_add(self.alpha2, (one - n_dot_h) * (one + n_dot_h));
         let exponent = v_dot_h.mul_add(splat(-5.55473), splat(-6.98316)) * v_dot_h;
         let fresnel = exp2(simd, exponent).mul_add(splat(1.0 - F0), splat(F0));
         // π D F G / (4 n·v): n·l of the cosine cancels against the denominator's.
@@ -158,7 +164,12 @@ fn shade_blocks<S: Simd>(
         let here = LANES.min(out.len() - start);
         let take = |row: &[f32]| block(simd, row, start);
         let rays = [take(surface.ray_x), take(surface.ray_y)];
-        let facet = Facet::new(simd, surface.normal.map(take), take(surface.roughness), rays);
+        let facet = Facet::new(
+            simd,
+            surface.normal.map(take),
+            take(surface.roughness),
+            rays,
+        );
         let [lit, specular] = facet.lobes(simd, lamp.toward);
         let seen = take(visibility);
         let (cosine, shine) = (lit * seen, specular * seen);

@@ -32,14 +32,19 @@ impl Rays {
         if matches!(camera.distortion, Distortion::None {}) {
             let columns = (0..camera.width).map(|x| ((x as f64 - camera.cx) / camera.fx) as f32);
             let rows = (0..camera.height).map(|y| ((y as f64 - camera.cy) / camera.fy) as f32);
-            return Self::Pinhole { columns: columns.collect(), rows: rows.collect() };
+            return Self::Pinhole {
+                columns: columns.collect(),
+                rows: rows.collect(),
+            };
         }
         let (x, y) = (0..camera.width * camera.height)
             .into_par_iter()
             .map(|index| {
                 let (x, y) = (index % camera.width, index / camera.width);
                 // Outside the lens's useful circle nothing is known; any ray does.
-                let ray = camera.ray(DVec2::new(x as f64, y as f64)).unwrap_or_default();
+                let ray = camera
+                    .ray(DVec2::new(x as f64, y as f64))
+                    .unwrap_or_default();
                 (ray.x as f32, ray.y as f32)
             })
             .unzip();
@@ -56,7 +61,13 @@ impl Surfaces {
         let plane = |value: &(dyn Fn(usize) -> f32 + Sync), otherwise: f32| {
             (0..scene.albedo.len())
                 .into_par_iter()
-                .map(|index| if known(index) { value(index) } else { otherwise })
+                .map(|index| {
+                    if known(index) {
+                        value(index)
+                    } else {
+                        otherwise
+                    }
+                })
                 .collect::<Vec<f32>>()
         };
         let normal = |axis: usize, otherwise: f32| {
@@ -71,7 +82,11 @@ impl Surfaces {
             roughness: plane(
                 &|index| {
                     let roughness = scene.roughness.samples()[index];
-                    if roughness.is_finite() { roughness } else { 1.0 }
+                    if roughness.is_finite() {
+                        roughness
+                    } else {
+                        1.0
+                    }
                 },
                 1.0,
             ),

@@ -34,8 +34,14 @@ impl<'a> Answers<'a> {
         let (left, right) = (find(true, false), find(true, true));
         let columns = (0..width)
             .map(|x| {
-                let side = if (x as f64) < swept.fans.vanishing_point[0] { left } else { right };
-                side.map_or((0.0, 0.0), |(fan, _)| fan.line_index_at(x.clamp(fan.from, fan.to)))
+                let side = if (x as f64) < swept.fans.vanishing_point[0] {
+                    left
+                } else {
+                    right
+                };
+                side.map_or((0.0, 0.0), |(fan, _)| {
+                    fan.line_index_at(x.clamp(fan.from, fan.to))
+                })
             })
             .collect();
         Self {

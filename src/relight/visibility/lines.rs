@@ -40,14 +40,20 @@ impl Fan {
     /// Minor coordinate at major 0, and slope, of line `j`.
     pub fn line(&self, j: usize) -> (f32, f32) {
         let j = j as f64;
-        ((self.base + j * self.spread) as f32, (self.slope + j * self.spread_slope) as f32)
+        (
+            (self.base + j * self.spread) as f32,
+            (self.slope + j * self.spread_slope) as f32,
+        )
     }
 
     /// `(gain, offset)` such that at major coordinate m the line nearest to minor n is
     /// `n · gain + offset`.
     pub fn line_index_at(&self, major: usize) -> (f32, f32) {
         let gain = 1.0 / ((major as f64 - self.vanishing[0]) * self.slope_step);
-        ((gain) as f32, (-self.vanishing[1] * gain - self.first_slope / self.slope_step) as f32)
+        (
+            (gain) as f32,
+            (-self.vanishing[1] * gain - self.first_slope / self.slope_step) as f32,
+        )
     }
 
     /// Number of blocks of [`LANES`] lines.
@@ -81,9 +87,15 @@ const LEAST_Z: f64 = 1e-6;
 pub fn fans(camera: &Intrinsics, toward: Vec3) -> Fans {
     let toward = toward.as_dvec3();
     let lamp_side_outward = toward.z < LEAST_Z;
-    let z = if toward.z.abs() < LEAST_Z { -LEAST_Z } else { toward.z };
-    let vanishing_point =
-        [camera.cx + camera.fx * toward.x / z, camera.cy + camera.fy * toward.y / z];
+    let z = if toward.z.abs() < LEAST_Z {
+        -LEAST_Z
+    } else {
+        toward.z
+    };
+    let vanishing_point = [
+        camera.cx + camera.fx * toward.x / z,
+        camera.cy + camera.fy * toward.y / z,
+    ];
     let [vx, vy] = vanishing_point;
     let mut fans = Vec::with_capacity(4);
     for along_x in [false, true] {
@@ -93,10 +105,20 @@ pub fn fans(camera: &Intrinsics, toward: Vec3) -> Fans {
             (camera.height, camera.width, [vy, vx])
         };
         for grows_outward in [true, false] {
-            fans.extend(fan(along_x, grows_outward, major_size, minor_size, vanishing));
+            fans.extend(fan(
+                along_x,
+                grows_outward,
+                major_size,
+                minor_size,
+                vanishing,
+            ));
         }
     }
-    Fans { fans, vanishing_point, lamp_side_outward }
+    Fans {
+        fans,
+        vanishing_point,
+        lamp_side_outward,
+    }
 }
 
 fn fan(

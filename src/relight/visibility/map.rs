@@ -33,8 +33,7 @@ pub fn direction(index: usize) -> Vec3 {
     let (ring, azimuth) = (index / AZIMUTHS, index % AZIMUTHS);
     let cosine = 1.0 - (ring as f32 + 0.5) / RINGS as f32 * (1.0 - LEAST_COSINE);
     let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
-    let (sin, cos) =
-        ((azimuth as f32 + 0.5) / AZIMUTHS as f32 * std::f32::consts::TAU).sin_cos();
+    let (sin, cos) = ((azimuth as f32 + 0.5) / AZIMUTHS as f32 * std::f32::consts::TAU).sin_cos();
     Vec3::new(sine * cos, sine * sin, -cosine)
 }
 
@@ -85,7 +84,10 @@ impl VisibilityMap {
                 words
             })
             .collect();
-        Self { rings, nearest: nearest(occluders, &small, factor) }
+        Self {
+            rings,
+            nearest: nearest(occluders, &small, factor),
+        }
     }
 
     /// The words of one ring, one per map pixel.
@@ -108,8 +110,10 @@ fn nearest(occluders: &Occluders, small: &Occluders, factor: usize) -> Plane<u32
     let around = |at: usize, limit: usize| {
         let at = (at as f32 - middle as f32) / factor as f32;
         let first = at.floor().max(0.0) as usize;
-        [(first.min(limit - 1), (at - first as f32).abs()),
-         ((first + 1).min(limit - 1), (first as f32 + 1.0 - at).abs())]
+        [
+            (first.min(limit - 1), (at - first as f32).abs()),
+            ((first + 1).min(limit - 1), (first as f32 + 1.0 - at).abs()),
+        ]
     };
     let samples = (0..width * height)
         .into_par_iter()
@@ -120,7 +124,11 @@ fn nearest(occluders: &Occluders, small: &Occluders, factor: usize) -> Plane<u32
             for (sy, dy) in around(y, small_height) {
                 for (sx, dx) in around(x, small_width) {
                     let there = small.metres(sx, sy);
-                    let apart = if there == z { 0.0 } else { ((there - z) / z).abs() };
+                    let apart = if there == z {
+                        0.0
+                    } else {
+                        ((there - z) / z).abs()
+                    };
                     // A pixel apart counts as much as half a percent of depth.
                     let cost = apart + 0.005 * (dx + dy);
                     if cost < best.0 {

@@ -16,8 +16,16 @@ impl Slab {
         if !(metres.is_finite() && metres > 0.0) {
             return Self::default();
         }
-        let thickness = if thickness_metres > 0.0 { thickness_metres.min(1e6) } else { 0.0 };
-        let sigma = if sigma_metres > 0.0 { sigma_metres.min(1e3) } else { 0.0 };
+        let thickness = if thickness_metres > 0.0 {
+            thickness_metres.min(1e6)
+        } else {
+            0.0
+        };
+        let sigma = if sigma_metres > 0.0 {
+            sigma_metres.min(1e3)
+        } else {
+            0.0
+        };
         Self {
             inverse_depth: 1.0 / metres,
             thickness_sigma: thickness.to_bits() & 0xffff_0000 | sigma.to_bits() >> 16,
@@ -53,7 +61,11 @@ impl Occluders {
         assert_eq!(metres.size(), sigma_metres.size());
         let (width, height) = metres.size();
         let slab = |x: usize, y: usize| {
-            Slab::new(metres[(x, y)], thickness_metres[(x, y)], sigma_metres[(x, y)])
+            Slab::new(
+                metres[(x, y)],
+                thickness_metres[(x, y)],
+                sigma_metres[(x, y)],
+            )
         };
         let mut known: Vec<f32> = metres
             .samples()

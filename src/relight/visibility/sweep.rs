@@ -44,10 +44,14 @@ pub fn sweep(occluders: &Occluders, toward: Vec3) -> Swept {
             let block = fan.steps() * LANES;
             let mut answers = vec![0u8; block * fan.blocks()];
             let level = Level::new();
-            answers.par_chunks_mut(block).with_min_len(4).enumerate().for_each(|(index, out)| {
-                let walk = Walk::new(occluders, fan, fans.lamp_side_outward, toward, index);
-                dispatch!(level, simd => walk.run(simd, out));
-            });
+            answers
+                .par_chunks_mut(block)
+                .with_min_len(4)
+                .enumerate()
+                .for_each(|(index, out)| {
+                    let walk = Walk::new(occluders, fan, fans.lamp_side_outward, toward, index);
+                    dispatch!(level, simd => walk.run(simd, out));
+                });
             answers
         })
         .collect();
@@ -77,9 +81,19 @@ struct Walk<'a> {
 }
 
 impl<'a> Walk<'a> {
-    fn new(occluders: &'a Occluders, fan: &'a Fan, lamp_side_outward: bool, toward: Vec3, block: usize) -> Self {
+    fn new(
+        occluders: &'a Occluders,
+        fan: &'a Fan,
+        lamp_side_outward: bool,
+        toward: Vec3,
+        block: usize,
+    ) -> Self {
         let camera = &occluders.camera;
-        let plane = if fan.along_x { &occluders.by_column } else { &occluders.by_row };
+        let plane = if fan.along_x {
+            &occluders.by_column
+        } else {
+            &occluders.by_row
+        };
         let mut walk = Self {
             slabs: plane.samples(),
             stride: plane.width(),
@@ -94,17 +108,24 @@ impl<'a> Walk<'a> {
             edge: STEEPEST_TANGENT / (camera.fx.min(camera.fy) as f32),
         };
         let distance_from_axis = |major: usize, minor: f64| {
-            let (x, y) =
-                if fan.along_x { (major as f64, minor) } else { (minor, major as f64) };
-            let ray =
-                glam::DVec3::new((x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, 1.0);
+            let (x, y) = if fan.along_x {
+                (major as f64, minor)
+            } else {
+                (minor, major as f64)
+            };
+            let ray = glam::DVec3::new(
+                (x - camera.cx) / camera.fx,
+                (y - camera.cy) / camera.fy,
+                1.0,
+            );
             ray.cross(toward.as_dvec3()).length()
         };
         for lane in 0..LANES {
             let (start, slope) = fan.line(block * LANES + lane);
             walk.start[lane] = start;
             walk.slope[lane] = slope;
-            let at = |m: usize| distance_from_axis(m, f64::from(start) + f64::from(slope) * m as f64);
+            let at =
+                |m: usize| distance_from_axis(m, f64::from(start) + f64::from(slope) * m as f64);
             let (first, last) = (at(fan.from), at(fan.to));
             let axis_slope = (last - first) / (fan.to.max(fan.from + 1) - fan.from) as f64;
             walk.axis_slope[lane] = axis_slope as f32;
@@ -147,7 +168,11 @@ impl<'a> Walk<'a> {
         let empty = splat(f32::NEG_INFINITY);
         let last = splat((self.stride - 1) as f32);
         let edge = splat(self.edge);
-        let unseen_under = splat(if self.leaves_frame { self.near_metres } else { f32::INFINITY });
+        let unseen_under = splat(if self.leaves_frame {
+            self.near_metres
+        } else {
+            f32::INFINITY
+        });
         let mut lo = [infinity; SLOTS];
         let mut hi = [empty; SLOTS];
         let mut previous_v = zero;
@@ -155,7 +180,11 @@ impl<'a> Walk<'a> {
         // 1 / |r × L| where the line entered the frame: what lies further out was not seen.
         let mut per_entry = zero;
         for step in 0..=end - first {
-            let major = if self.downward { end - step } else { first + step };
+            let major = if self.downward {
+                end - step
+            } else {
+                first + step
+            };
             let m = major as f32;
             let minor = slope.mul_add(splat(m), start);
             let inside = minor.simd_ge(-0.5) & minor.simd_le(last + 0.5);
@@ -197,14 +226,20 @@ impl<'a> Walk<'a> {
             let mut blocked = zero;
             for k in 0..SLOTS {
                 let under = ((v - lo[k]) * per_softness).max(zero).min(one);
-                let over = (hi[k] - v).mul_add(per_softness, splat(0.5)).max(zero).min(one);
+                let over = (hi[k] - v)
+                    .mul_add(per_softness, splat(0.5))
+                    .max(zero)
+                    .min(one);
                 blocked = blocked.max(under * over);
             }
             let lit = (one - blocked).mul_add(splat(LIT as f32), splat(0.5));
             let unseen = (v * per_entry).simd_gt(unseen_under);
             let answer: i32x8<S> = unseen.select(lit + f32::from(UNSEEN), lit).to_int();
             let offset = (major - self.fan.from) * LANES;
-            for (out, answer) in out[offset..offset + LANES].iter_mut().zip(answer.as_slice()) {
+            for (out, answer) in out[offset..offset + LANES]
+                .iter_mut()
+                .zip(answer.as_slice())
+            {
                 *out = *answer as u8;
             }
 
