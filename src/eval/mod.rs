@@ -1,5 +1,6 @@
 //! Result + truth → numbers and charts.
 
+mod bench;
 pub mod charts;
 mod cost;
 mod evaluation;
@@ -25,3 +26,5 @@ pub use table::{ReportWriteError, write_report};
 
 #[cfg(test)]
 mod golden_tests;
+#[cfg(test)]
+mod report_tests;

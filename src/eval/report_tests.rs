@@ -1,0 +1,109 @@
+//! Claims about reports, their files and charts, and shadows derived from photographs.
+
+use super::charts::write_charts;
+use super::photometric::MatteFit;
+use super::report::RowFigures;
+use super::*;
+use drivers::Plane;
+use glam::Vec3;
+
+#[test]
+fn every_row_stands_in_the_table_and_those_without_figures_say_why() {
+    let report = evaluate(&[], &EvalOptions::default(), |_| {}).unwrap();
+    let numbers: Vec<u8> = report.rows.iter().map(|row| row.row).collect();
+    assert_eq!(numbers, [1, 2, 3, 4, 5, 6, 7, 8]);
+    let text = report.to_string();
+    for row in &report.rows {
+        let RowFigures::Missing { reason } = &row.figures else {
+            panic!("row {} has figures without a capture", row.row)
+        };
+        assert!(!reason.is_empty());
+        assert!(text.contains(&format!("{} {}", row.row, row.name)) && text.contains(reason));
+    }
+}
+
+#[test]
+fn reports_and_charts_are_written_in_every_format() {
+    let report = evaluate(&[], &EvalOptions::default(), |_| {}).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    write_report(&report, folder.path()).unwrap();
+    write_charts(&report, folder.path()).unwrap();
+    let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
+    let json: serde_json::Value = serde_json::from_slice(&read("report.json")).unwrap();
+    assert_eq!(json["rows"].as_array().unwrap().len(), 8);
+    assert_eq!(json["rows"][3]["status"], "missing");
+    let csv = String::from_utf8(read("report.csv")).unwrap();
+    let mut lines = csv.lines().map(|line| line.matches(',').count());
+    let columns = lines.next().unwrap();
+    assert!(lines.all(|commas| commas >= columns));
+    for stem in ["rows", "speed_accuracy"] {
+        let svg = String::from_utf8(read(&format!("{stem}.svg"))).unwrap();
+        for row in &report.rows {
+            let name = row.name.replace('\'', "&apos;");
+            assert!(
+                svg.contains(&name) || svg.contains(&row.name),
+                "{stem}.svg lacks {name}"
+            );
+        }
+        let png = read(&format!("{stem}.png"));
+        let decoder = png::Decoder::new(std::io::Cursor::new(&png));
+        let mut picture = decoder.read_info().unwrap();
+        let mut pixels = vec![0; picture.output_buffer_size().unwrap()];
+        picture.next_frame(&mut pixels).unwrap();
+        let dark = pixels.iter().filter(|value| **value < 100).count();
+        assert!(dark > 1000, "{stem}.png has no text: {dark} dark values");
+    }
+}
+
+#[test]
+fn charts_say_which_file_could_not_be_written() {
+    let report = evaluate(&[], &EvalOptions::default(), |_| {}).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let gone = folder.path().join("gone");
+    let message = write_charts(&report, &gone).unwrap_err().to_string();
+    assert!(
+        message.contains("gone") && message.contains("writable"),
+        "{message}"
+    );
+}
+
+#[test]
+fn a_dark_patch_on_a_surface_that_faces_the_lamp_is_cast_shadow() {
+    const SIZE: usize = 24;
+    let normal = Plane::filled(SIZE, SIZE, Vec3::NEG_Z);
+    let counts = Plane::filled(SIZE, SIZE, true);
+    let in_patch = |x: usize, y: usize| (8..14).contains(&x) && (6..18).contains(&y);
+    let photographs: Vec<(Vec3, Plane<f32>)> = (0..8)
+        .map(|light| {
+            let angle = light as f32;
+            let toward = Vec3::new(0.5 * angle.cos(), 0.5 * angle.sin(), -1.0).normalize();
+            let picture = Plane::from_fn(SIZE, SIZE, |x, y| {
+                let shadow = if light == 3 && in_patch(x, y) {
+                    0.1
+                } else {
+                    1.0
+                };
+                0.6 * -toward.z * shadow
+            });
+            (toward, picture)
+        })
+        .collect();
+    let fit = MatteFit::new(&normal, &photographs, &counts).unwrap();
+    for (light, (toward, picture)) in photographs.iter().enumerate() {
+        let shadow = fit.cast_shadow(&normal, *toward, picture);
+        for y in 0..SIZE {
+            for x in 0..SIZE {
+                let expected = if light == 3 && in_patch(x, y) {
+                    0.0
+                } else {
+                    1.0
+                };
+                assert_eq!(shadow[(x, y)], expected, "light {light} at ({x}, {y})");
+            }
+        }
+    }
+    assert!((fit.reflectance()[(12, 12)] - 0.6).abs() < 1e-5);
+    let behind = fit.cast_shadow(&normal, Vec3::Z, &photographs[0].1);
+    assert!(behind.samples().iter().all(|lit| lit.is_nan()));
+    assert!(MatteFit::new(&normal, &photographs[..4], &counts).is_none());
+}
