@@ -34,7 +34,7 @@ pub(super) fn edges(depth: &InverseDepth, focal_pixels: f32) -> Edges {
                 if y + dy >= height {
                     return;
                 }
-                for x in 0..width - dx {
+                for (x, cut) in row.iter_mut().enumerate().take(width - dx) {
                     let at = |i: isize| {
                         let x = x.checked_add_signed(i * dx as isize);
                         let y = y.checked_add_signed(i * dy as isize);
@@ -54,7 +54,7 @@ pub(super) fn edges(depth: &InverseDepth, focal_pixels: f32) -> Edges {
                         .max(depth.variance[(x + dx, y + dy)])
                         .sqrt();
                     let allowed = NOISE_SIGMAS * noise + relief * here.min(there);
-                    row[x] = step.is_nan() || unexplained > allowed;
+                    *cut = step.is_nan() || unexplained > allowed;
                 }
             });
         plane

@@ -105,7 +105,7 @@ fn pulled(fine: &Plane<Cell>, coarse: &Plane<[f32; 3]>, enough: f32) -> Plane<[f
 
 /// The other coarse cell that a fine cell leans on.
 fn neighbour(fine: usize, count: usize) -> usize {
-    if fine % 2 == 0 {
+    if fine.is_multiple_of(2) {
         (fine / 2).saturating_sub(1)
     } else {
         (fine / 2 + 1).min(count - 1)
