@@ -3,6 +3,8 @@
 //! `cargo bench --bench stages` prints one table. Times on a shared machine wander; the ratio to
 //! the copy, taken in the same run, is what to compare.
 
+#![expect(clippy::print_stdout, reason = "the table is the point")]
+
 #[path = "../tests/march/mod.rs"]
 mod march;
 mod world;

@@ -81,7 +81,7 @@ impl Wall {
         (self.offset - self.normal.dot(origin)) / self.normal.dot(ray)
     }
 
-    fn from_depth_camera(&self, rig: &Rig) -> Plane<f32> {
+    fn seen_by_depth_camera(&self, rig: &Rig) -> Plane<f32> {
         let camera = rig.depth.unwrap();
         Plane::from_fn(camera.lens.width, camera.lens.height, |x, y| {
             let Some(ray) = camera.lens.ray(DVec2::new(x as f64, y as f64)) else {
@@ -94,7 +94,7 @@ impl Wall {
         })
     }
 
-    fn from_color_camera(&self, rig: &Rig, x: usize, y: usize) -> f32 {
+    fn seen_by_color_camera(&self, rig: &Rig, x: usize, y: usize) -> f32 {
         let ray = rig.color.ray(DVec2::new(x as f64, y as f64)).unwrap();
         self.meets(DVec3::ZERO, ray) as f32
     }
@@ -145,13 +145,13 @@ proptest! {
         );
         let wall = Wall { normal: DVec3::new(tilt_x, tilt_y, 1.0).normalize(), offset };
         let depth = register(
-            &frame(wall.from_depth_camera(&rig)), &RigMaps::new(&rig).unwrap(), None,
+            &frame(wall.seen_by_depth_camera(&rig)), &RigMaps::new(&rig).unwrap(), None,
         ).unwrap();
         prop_assert!(measured_share(&depth) > 0.6);
         for y in 0..120 {
             for x in 0..160 {
                 if depth.measured[(x, y)] {
-                    let truth = wall.from_color_camera(&rig, x, y);
+                    let truth = wall.seen_by_color_camera(&rig, x, y);
                     // Inverse depth is linear in the undistorted picture; what is left is the
                     // bend of the lens within one sample.
                     prop_assert!((depth.metres[(x, y)] / truth - 1.0).abs() < 1e-3);

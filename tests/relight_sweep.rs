@@ -112,18 +112,11 @@ fn the_sweep_agrees_with_the_march_on_99_percent_of_pixels() {
     for toward in directions() {
         let same = agreement((160, 120), toward, 0.15);
         sum += same;
-        if std::env::var_os("SHOW").is_some() {
-            println!("{toward:?} {same:.4}");
-        }
         if same < worst.0 {
             worst = (same, toward);
         }
     }
     let mean = sum / directions().len() as f64;
-    println!(
-        "agreement: mean {mean:.4}, worst {:.4} at {:?}",
-        worst.0, worst.1
-    );
     assert!(mean >= 0.99, "mean agreement {mean}");
     assert!(worst.0 >= 0.985, "worst agreement {worst:?}");
 }

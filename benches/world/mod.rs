@@ -57,7 +57,7 @@ fn ray(lens: &Intrinsics, x: usize, y: usize) -> Vec3 {
 
 fn albedo(x: usize, y: usize, width: usize) -> [f32; 3] {
     let side = (width / 24).max(1);
-    if (x / side + y / side) % 2 == 0 {
+    if (x / side + y / side).is_multiple_of(2) {
         [0.7, 0.5, 0.3]
     } else {
         [0.3, 0.4, 0.6]

@@ -3,7 +3,7 @@
 //! Recordings, the contract and the assembler all ask here, so that "well formed" means one thing.
 
 use crate::{
-    calibration::{Distortion, Intrinsics, Rig},
+    calibration::{Intrinsics, Rig},
     frame::{ColorFrame, DepthFrame, Exposure, Frame, Pixels, Transfer},
 };
 use thiserror::Error;
@@ -225,22 +225,7 @@ fn admit_lens(field: &'static str, lens: &Intrinsics) -> Result<(), Refusal> {
     if !(good(lens.fx) && good(lens.fy) && lens.cx.is_finite() && lens.cy.is_finite()) {
         return refuse(field, "focal lengths must be above 0 and the centre finite");
     }
-    let bent = match lens.distortion {
-        Distortion::None {} => vec![],
-        Distortion::BrownConrady { k1, k2, p1, p2, k3 } => vec![k1, k2, p1, p2, k3],
-        Distortion::Rational {
-            k1,
-            k2,
-            p1,
-            p2,
-            k3,
-            k4,
-            k5,
-            k6,
-        } => {
-            vec![k1, k2, p1, p2, k3, k4, k5, k6]
-        }
-    };
+    let bent = lens.distortion.coefficients();
     if bent.iter().any(|value| !value.is_finite()) {
         return refuse(field, "a distortion coefficient is not finite");
     }

@@ -35,8 +35,8 @@ pub enum Distortion {
 }
 
 impl Distortion {
-    /// `[k1, k2, p1, p2, k3, k4, k5, k6]`.
-    fn coefficients(&self) -> [f64; 8] {
+    /// `[k1, k2, p1, p2, k3, k4, k5, k6]`; 0 where the model has no such coefficient.
+    pub fn coefficients(&self) -> [f64; 8] {
         match *self {
             Self::None {} => [0.0; 8],
             Self::BrownConrady { k1, k2, p1, p2, k3 } => [k1, k2, p1, p2, k3, 0.0, 0.0, 0.0],

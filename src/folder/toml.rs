@@ -203,24 +203,7 @@ impl Fields<'_> {
         self.finite(&format!("{table}.cx"), &[lens.cx])?;
         self.finite(&format!("{table}.cy"), &[lens.cy])?;
         let field = format!("{table}.distortion");
-        match lens.distortion {
-            Distortion::None {} => {}
-            Distortion::BrownConrady { k1, k2, p1, p2, k3 } => {
-                self.finite(&field, &[k1, k2, p1, p2, k3])?;
-            }
-            Distortion::Rational {
-                k1,
-                k2,
-                p1,
-                p2,
-                k3,
-                k4,
-                k5,
-                k6,
-            } => {
-                self.finite(&field, &[k1, k2, p1, p2, k3, k4, k5, k6])?;
-            }
-        }
+        self.finite(&field, &lens.distortion.coefficients())?;
         Ok(lens)
     }
 

@@ -28,10 +28,10 @@ pub fn write(dir: &Path, shot: &Shot) -> Result<Vec<String>, FolderError> {
     write_on(&Disk, dir, shot)
 }
 
-/// [`write`] on a file system of choice.
+/// [`write()`] on a file system of choice.
 ///
 /// # Errors
-/// As [`write`].
+/// As [`write()`].
 pub fn write_on(
     disk: &dyn FileSystem,
     dir: &Path,

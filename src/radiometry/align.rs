@@ -1,9 +1,9 @@
 //! Alignment of an ambient frame on the flash frame, whatever the light.
 //!
 //! Coarse to fine: both pictures become texture that neither lamp's strength nor fall-off shows in
-//! ([`texture`]), patches of one are found in the other to sub-pixel ([`patch`]), and one motion of
+//! (`texture`), patches of one are found in the other to sub-pixel (`patch`), and one motion of
 //! the whole picture is fitted to them robustly. At the finest level cross-validation decides how
-//! rich a motion the patches support ([`flow`]); standing still is one of the answers, so a pair
+//! rich a motion the patches support (`flow`); standing still is one of the answers, so a pair
 //! that lies right is not moved.
 
 use super::LinearImage;

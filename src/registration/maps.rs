@@ -99,7 +99,7 @@ impl RigMaps {
             height: lens.height,
             focal: [lens.fx as f32, lens.fy as f32],
             centre: [lens.cx as f32, lens.cy as f32],
-            bend: coefficients(&lens.distortion).map(|k| k as f32),
+            bend: lens.distortion.coefficients().map(|k| k as f32),
             radius2_limit: radius2_limit(&lens.distortion) as f32,
         };
         let spacing_of = |lens: &Intrinsics| (2.0 / (lens.fx + lens.fy)) as f32;
@@ -175,29 +175,12 @@ fn rotated_rays(lens: &Intrinsics, rotation: DMat3) -> [Vec<f32>; 3] {
     axes
 }
 
-fn coefficients(distortion: &Distortion) -> [f64; 8] {
-    match *distortion {
-        Distortion::None {} => [0.0; 8],
-        Distortion::BrownConrady { k1, k2, p1, p2, k3 } => [k1, k2, p1, p2, k3, 0.0, 0.0, 0.0],
-        Distortion::Rational {
-            k1,
-            k2,
-            p1,
-            p2,
-            k3,
-            k4,
-            k5,
-            k6,
-        } => [k1, k2, p1, p2, k3, k4, k5, k6],
-    }
-}
-
 /// Squared ideal radius where the radial model first stops growing: beyond it two rays share one
 /// pixel. Ends at 87° off the axis for a lens that never folds.
 fn radius2_limit(distortion: &Distortion) -> f64 {
     const STEP: f64 = 1e-3;
     const FARTHEST: f64 = 20.0;
-    let [k1, k2, _, _, k3, k4, k5, k6] = coefficients(distortion);
+    let [k1, k2, _, _, k3, k4, k5, k6] = distortion.coefficients();
     let bent = |r: f64| {
         let r2 = r * r;
         let below = 1.0 + r2 * (k4 + r2 * (k5 + r2 * k6));
@@ -254,7 +237,9 @@ fn check_lens(camera: &str, lens: &Intrinsics) -> Result<(), RegistrationError> 
             return wrong(field, format!("is {centre}, not a finite number of pixels"));
         }
     }
-    if coefficients(&lens.distortion)
+    if lens
+        .distortion
+        .coefficients()
         .iter()
         .any(|k| !k.is_finite())
     {

@@ -72,11 +72,11 @@ mod tests {
             },
             Case {
                 arguments: [1.0, 1.0, 1.0, 1.0, 1.0],
-                expected: 3.9915861e-03,
+                expected: 3.991_586e-3,
             },
             Case {
                 arguments: [0.8, 0.6, 0.95, 0.7, 0.3],
-                expected: 5.5838033e-03,
+                expected: 5.583_803e-3,
             },
             Case {
                 arguments: [0.3, 0.9, 0.7, 0.75, 0.6],
@@ -84,7 +84,7 @@ mod tests {
             },
             Case {
                 arguments: [0.05, 0.1, 0.999, 0.02, 0.15],
-                expected: 1.1361960e+02,
+                expected: 1.136_196e2,
             },
             Case {
                 arguments: [0.5, 0.5, 0.2, 0.4, 0.9],
@@ -92,7 +92,7 @@ mod tests {
             },
             Case {
                 arguments: [0.99, 0.98, 0.9999, 0.99, 0.05],
-                expected: 6.0206623e-01,
+                expected: 6.020_662e-1,
             },
         ];
         for Case {

@@ -159,27 +159,19 @@ pub(super) fn decode_jpeg(message: &[u8]) -> Result<&[u8], &'static str> {
 
 /// `foxglove.CameraCalibration` of a lens, for viewers.
 pub(super) fn encode_calibration(at: Timestamp, frame_id: &str, lens: &Intrinsics) -> Vec<u8> {
-    let (model, coefficients) = match lens.distortion {
-        Distortion::None {} => ("", vec![]),
-        Distortion::BrownConrady { k1, k2, p1, p2, k3 } => ("plumb_bob", vec![k1, k2, p1, p2, k3]),
-        Distortion::Rational {
-            k1,
-            k2,
-            p1,
-            p2,
-            k3,
-            k4,
-            k5,
-            k6,
-        } => ("rational_polynomial", vec![k1, k2, p1, p2, k3, k4, k5, k6]),
+    let (model, length) = match lens.distortion {
+        Distortion::None {} => ("", 0),
+        Distortion::BrownConrady { .. } => ("plumb_bob", 5),
+        Distortion::Rational { .. } => ("rational_polynomial", 8),
     };
+    let coefficients = &lens.distortion.coefficients()[..length];
     let Intrinsics { fx, fy, cx, cy, .. } = *lens;
     Encoder::default()
         .message(1, timestamp(at))
         .fixed32(2, lens.width as u32)
         .fixed32(3, lens.height as u32)
         .string(4, model)
-        .doubles(5, &coefficients)
+        .doubles(5, coefficients)
         .doubles(6, &[fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0])
         .doubles(7, &[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
         .doubles(8, &[fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0])
