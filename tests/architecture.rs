@@ -164,7 +164,7 @@ fn a_module_uses_only_those_above_it() {
 
 #[test]
 fn everything_down_to_develop_is_pure() {
-    const IMPURE: [&str; 10] = [
+    const IMPURE: [&str; 14] = [
         "fs",
         "env",
         "thread",
@@ -175,6 +175,10 @@ fn everything_down_to_develop_is_pure() {
         "time::Instant",
         "time::SystemTime",
         "sync::mpsc",
+        "sync::Mutex",
+        "sync::RwLock",
+        "sync::Condvar",
+        "sync::atomic",
     ];
     let (rooms, pure) = rooms("src/lib.rs");
     for source in sources("src")
@@ -205,18 +209,59 @@ fn unsafe_lives_only_in_drivers() {
         .chain(&sources("tests"))
         .chain(&sources("benches"))
     {
-        let words = source
-            .code
-            .split(|c: char| !(c.is_alphanumeric() || c == '_'));
-        assert_eq!(
-            words.filter(|word| *word == "unsafe").count(),
-            0,
-            "{}",
-            source.path.display()
-        );
+        assert!(!holds(&source.code, "unsafe"), "{}", source.path.display());
     }
     let lib = std::fs::read_to_string(root().join("src/lib.rs")).unwrap();
     assert!(lib.contains("#![forbid(unsafe_code)]"));
+}
+
+/// Whether `code` holds `word` as a word of its own.
+fn holds(code: &str, word: &str) -> bool {
+    code.split(|c: char| !(c.is_alphanumeric() || c == '_'))
+        .any(|found| found == word)
+}
+
+#[test]
+fn image_decoders_stand_behind_the_gate() {
+    // What a camera sends as JPEG inside a frame is no file; both look at its header first.
+    const FRAMES: [&str; 2] = ["src/radiometry/jpeg.rs", "src/shot/evidence.rs"];
+    const DECODERS: [&str; 6] = [
+        "zune_jpeg",
+        "Decoder",
+        "ImageDecoder",
+        "ImageReader",
+        "load_from_memory",
+        "ChunksReader",
+    ];
+    let gate = root().join("src/folder/decode");
+    let mut gated = 0;
+    for source in &sources("src") {
+        // A module of tests in a file of its own.
+        if source.path.to_string_lossy().ends_with("tests.rs") {
+            continue;
+        }
+        let frame = FRAMES.iter().any(|path| source.path == root().join(path));
+        for decoder in DECODERS {
+            let found = holds(&source.code, decoder);
+            if source.path.starts_with(&gate) {
+                gated += usize::from(found);
+            } else if !frame {
+                assert!(!found, "{} uses {decoder}", source.path.display());
+            }
+        }
+    }
+    assert!(gated >= 3, "the gate's own decoders were not recognised");
+}
+
+#[test]
+fn the_daemon_holds_the_only_lock() {
+    for source in sources("src").iter().chain(&sources("drivers/src")) {
+        for lock in ["Mutex", "RwLock", "Condvar"] {
+            let allowed = lock == "Mutex" && source.path == root().join("src/daemon/mod.rs");
+            let found = holds(&source.code, lock);
+            assert!(allowed || !found, "{} has a {lock}", source.path.display());
+        }
+    }
 }
 
 #[test]

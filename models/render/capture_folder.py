@@ -30,7 +30,7 @@ def rendered(scene, size, direct_side=3, indirect_side=2, bounces=3, with_ambien
         "mask": known,
         "depth": truth(h.p.z)[..., 0],
         "normal": truth(h.ns) * FLIP.astype(np.float32),
-        "normal_smooth": truth(h.smooth) * FLIP.astype(np.float32),  # before relief; beyond what capture-folder.md lists
+        "normal_smooth": truth(h.smooth) * FLIP.astype(np.float32),  # before relief; beyond what the folder format lists
         "albedo": truth(h.albedo),
         "roughness": truth(h.rough)[..., 0],
         "shadow": [tracer.visible(h, lamp).numpy().reshape(size, size) | ~known for lamp in lamps[:-1]],

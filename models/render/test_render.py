@@ -43,7 +43,7 @@ def plane_scene(albedo, rough, z=1.0, tilt=0.0, half=50.0, extra=None):
 
 
 def karis(n, v, l, albedo, rough):
-    """paper.md's forms in float64 numpy: irradiance pi, so a facing white Lambertian gives 1."""
+    """The closed forms in float64 numpy: irradiance pi, so a facing white Lambertian gives 1."""
     h = (v + l) / np.linalg.norm(v + l, axis=-1, keepdims=True)
     dot = lambda a, b: np.sum(a * b, -1)
     nl, nv, nh, vh = dot(n, l), dot(n, v), dot(n, h), dot(v, h)

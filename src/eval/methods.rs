@@ -15,7 +15,7 @@ pub struct Answer {
 
 /// One way to relight a developed shot.
 pub trait Method {
-    /// Its number in `evaluation.md`.
+    /// Its number in every table; a number is never given to another method.
     fn row(&self) -> u8;
 
     /// What it is called in tables.
@@ -116,7 +116,7 @@ impl Method for ClosedForm {
     }
 }
 
-/// Rows of `evaluation.md` that nothing in this project answers yet: number, name, reason.
+/// Rows that nothing in this project answers yet: number, name, reason.
 pub(super) const MISSING: [(u8, &str, &str); 5] = [
     (4, "the paper's three networks", "not trained yet"),
     (5, "the paper's networks without depth", "not trained yet"),

@@ -18,7 +18,7 @@ pub struct Report {
     pub machine: Machine,
     /// One entry per capture.
     pub captures: Vec<CaptureReport>,
-    /// The rows of `evaluation.md`, those that are missing too, averaged over captures.
+    /// The rows of every table, those that are missing too, averaged over captures.
     pub rows: Vec<RowSummary>,
 }
 
@@ -98,7 +98,7 @@ pub struct SceneReport {
 /// One method on one capture.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RowReport {
-    /// Its number in `evaluation.md`.
+    /// Its number, as in [`super::methods::Method::row`].
     pub row: u8,
     /// Its name.
     pub name: String,
@@ -214,7 +214,7 @@ impl LightReport {
 /// One row of the table that stands in every report.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RowSummary {
-    /// Its number in `evaluation.md`.
+    /// Its number, as in [`super::methods::Method::row`].
     pub row: u8,
     /// Its name.
     pub name: String,

@@ -1,4 +1,4 @@
-//! A folder of results: every file capture-folder.md names, or none.
+//! A folder of results: every file the README names, or none.
 
 use super::{
     EncodeError, Precision,

@@ -9,7 +9,7 @@ use std::{fs, path::Path};
 
 const RIG: &str = include_str!("../../config/rig.example.toml");
 
-/// The results that capture-folder.md names, for one light.
+/// The results that the README names, for one light.
 const RESULTS: [&str; 9] = [
     "albedo.exr",
     "depth.exr",
