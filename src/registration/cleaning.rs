@@ -2,6 +2,7 @@
 
 use super::holes::Holes;
 use drivers::DepthFrame;
+use fearless_simd::{Level, dispatch};
 use rayon::prelude::*;
 
 /// Steepest surface believed to be one surface, as the tangent of its angle to the image plane
@@ -11,6 +12,8 @@ pub(super) const STEEPEST: f32 = 14.3;
 const SIGMA_FLOOR_METRES: f32 = 0.0005;
 /// Largest standard deviation, as a fraction of the distance.
 const SIGMA_CEILING: f32 = 0.1;
+/// Rows that are worth a task.
+const ROWS_PER_TASK: usize = 16;
 /// Largest share of the distance that noise may excuse in a step between neighbours.
 const NOISE_EXCUSE: f32 = 0.02;
 
@@ -56,10 +59,9 @@ impl Cleaned {
         self.sigma
             .par_chunks_mut(width)
             .enumerate()
+            .with_min_len(ROWS_PER_TASK)
             .for_each(|(y, sigmas)| {
-                for (x, sigma) in sigmas.iter_mut().enumerate() {
-                    *sigma = model.sigma(frame, y * width + x);
-                }
+                dispatch!(Level::new(), _simd => model.sigmas(frame, y, sigmas));
             });
         let raw = Raw {
             metres: frame.metres.samples(),
@@ -71,13 +73,17 @@ impl Cleaned {
         self.metres
             .par_chunks_mut(width)
             .enumerate()
+            .with_min_len(ROWS_PER_TASK)
             .for_each(|(y, row)| {
+                if y > 0 && y + 1 < height && width > 2 {
+                    dispatch!(Level::new(), _simd => raw.take_smooth(y, row));
+                } else {
+                    row.fill(f32::NAN);
+                }
                 for (x, z) in row.iter_mut().enumerate() {
-                    *z = if raw.is_believed(x, y) {
-                        raw.metres[y * width + x]
-                    } else {
-                        f32::NAN
-                    };
+                    if z.is_nan() && raw.is_believed(x, y) {
+                        *z = raw.metres[y * width + x];
+                    }
                 }
             });
         self.holes.span(&self.metres, width, height);
@@ -124,25 +130,37 @@ impl NoiseModel {
         }
     }
 
-    /// The device's own statement where it makes one, else the model's.
-    fn sigma(self, frame: &DepthFrame, i: usize) -> f32 {
-        let z = frame.metres.samples()[i];
-        let stated = frame
-            .sigma
-            .as_ref()
-            .map_or(f32::NAN, |sigma| sigma.samples()[i]);
-        if stated > 0.0 && stated.is_finite() {
-            return stated;
+    /// For one row: the device's own statement where it makes one, else the model's.
+    #[inline(always)]
+    fn sigmas(self, frame: &DepthFrame, y: usize, sigmas: &mut [f32]) {
+        let metres = &frame.metres.row(y)[..sigmas.len()];
+        match (self, &frame.amplitude) {
+            (Self::Amplitude(scale), Some(amplitude)) => {
+                for ((sigma, &z), &a) in sigmas.iter_mut().zip(metres).zip(amplitude.row(y)) {
+                    *sigma = within_limits(scale / a.max(0.0), z);
+                }
+            }
+            (Self::Amplitude(scale) | Self::Distance(scale), _) => {
+                for (sigma, &z) in sigmas.iter_mut().zip(metres) {
+                    *sigma = within_limits(scale * z * z, z);
+                }
+            }
         }
-        let modelled = match (self, &frame.amplitude) {
-            (Self::Amplitude(scale), Some(amplitude)) => scale / amplitude.samples()[i].max(0.0),
-            (Self::Amplitude(scale) | Self::Distance(scale), _) => scale * z * z,
-        };
-        // `max` and `min` also put a NaN (0/0 of a black sample) within the limits.
-        let ceiling = SIGMA_CEILING * z;
-        let sigma = modelled.min(ceiling);
-        (sigma * sigma + SIGMA_FLOOR_METRES * SIGMA_FLOOR_METRES).sqrt()
+        if let Some(stated) = &frame.sigma {
+            for (sigma, &stated) in sigmas.iter_mut().zip(stated.row(y)) {
+                if stated > 0.0 && stated.is_finite() {
+                    *sigma = stated;
+                }
+            }
+        }
     }
+}
+
+#[inline(always)]
+fn within_limits(modelled: f32, z: f32) -> f32 {
+    // `min` also puts a NaN (0/0 of a black sample) within the limits.
+    let sigma = modelled.min(SIGMA_CEILING * z);
+    (sigma * sigma + SIGMA_FLOOR_METRES * SIGMA_FLOOR_METRES).sqrt()
 }
 
 struct Raw<'a> {
@@ -162,20 +180,37 @@ impl Raw<'_> {
         is_distance(self.metres[i]).then_some(i)
     }
 
+    /// Takes the samples of a row, not the first or last, that all four neighbours continue; NaN
+    /// for the others. Without a branch, so that the compiler takes many samples at a time.
+    #[inline(always)]
+    fn take_smooth(&self, y: usize, row: &mut [f32]) {
+        let last = self.width - 1;
+        (row[0], row[last]) = (f32::NAN, f32::NAN);
+        let row = &mut row[1..last];
+        let count = row.len();
+        let here = y * self.width + 1;
+        let [c, l, r, u, d] = [
+            here,
+            here - 1,
+            here + 1,
+            here - self.width,
+            here + self.width,
+        ]
+        .map(|from| (&self.metres[from..][..count], &self.sigma[from..][..count]));
+        for (x, z) in row.iter_mut().enumerate() {
+            let smooth = (c.0[x] > 0.0)
+                & self.joined(c.0[x], l.0[x], c.1[x] + l.1[x], 1.0)
+                & self.joined(c.0[x], r.0[x], c.1[x] + r.1[x], 1.0)
+                & self.joined(c.0[x], u.0[x], c.1[x] + u.1[x], 1.0)
+                & self.joined(c.0[x], d.0[x], c.1[x] + d.1[x], 1.0);
+            *z = if smooth { c.0[x] } else { f32::NAN };
+        }
+    }
+
     fn is_believed(&self, x: usize, y: usize) -> bool {
         let i = y * self.width + x;
         if !is_distance(self.metres[i]) {
             return false;
-        }
-        let inside = x > 0 && y > 0 && x + 1 < self.width && y + 1 < self.height;
-        let cross = [
-            i.wrapping_sub(1),
-            i + 1,
-            i.wrapping_sub(self.width),
-            i + self.width,
-        ];
-        if inside && cross.iter().all(|&j| self.linked(i, j, 1.0)) {
-            return true;
         }
         const AXES: [(isize, isize); 4] = [(1, 0), (0, 1), (1, 1), (1, -1)];
         let mut on_surface = 0;
@@ -210,9 +245,14 @@ impl Raw<'_> {
 
     /// One surface no steeper than believed, noise allowed for.
     fn linked(&self, i: usize, j: usize, steps: f32) -> bool {
-        let (a, b) = (self.metres[i], self.metres[j]);
+        let sigmas = self.sigma[i] + self.sigma[j];
+        self.joined(self.metres[i], self.metres[j], sigmas, steps)
+    }
+
+    #[inline(always)]
+    fn joined(&self, a: f32, b: f32, sigmas: f32, steps: f32) -> bool {
         let nearest = a.min(b);
-        let noise = (2.0 * (self.sigma[i] + self.sigma[j])).min(NOISE_EXCUSE * nearest);
+        let noise = (2.0 * sigmas).min(NOISE_EXCUSE * nearest);
         // False for NaN.
         (a - b).abs() <= steps * self.steepest * nearest + noise
     }

@@ -11,34 +11,34 @@ const LONGEST: f32 = 1.0 / 6.0;
 /// Largest relative difference of depth between the two rims of a hole in one surface.
 const SAME_SURFACE: f32 = 0.05;
 
+/// Columns looked at together.
+const BLOCK: usize = 32;
+
 /// Metres across holes whose rims, left and right as well as above and below, lie on one surface;
 /// NaN elsewhere.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Holes {
     pub metres: Vec<f32>,
-    /// Per column, the row of the last answer.
-    last: Vec<Option<usize>>,
 }
 
 impl Holes {
     pub fn span(&mut self, metres: &[f32], width: usize, height: usize) {
         self.metres.clear();
         self.metres.resize(width * height, f32::NAN);
-        self.last.clear();
-        self.last.resize(width, None);
         let longest = |side: usize| (LONGEST * side as f32) as usize;
-        for (y, row) in metres.chunks(width).enumerate() {
-            for (x, (&z, last)) in row.iter().zip(&mut self.last).enumerate() {
-                if z.is_nan() {
+        for y in 1..height {
+            let [above, row] = [y - 1, y].map(|y| &metres[y * width..][..width]);
+            for first in (0..width).step_by(BLOCK) {
+                let block = first..(first + BLOCK).min(width);
+                let ends = |(above, z): (&f32, &f32)| above.is_nan() & !z.is_nan();
+                // A hole seldom ends here: asked of all columns of a block together.
+                let pairs = above[block.clone()].iter().zip(&row[block.clone()]);
+                if !pairs.map(ends).fold(false, |a, b| a | b) {
                     continue;
                 }
-                if let Some(above) = last.replace(y).filter(|above| y - above > 1) {
-                    let first = metres[above * width + x];
-                    if y - above <= longest(height) && same_surface(first, z) {
-                        for between in above + 1..y {
-                            let t = (between - above) as f32 / (y - above) as f32;
-                            self.metres[between * width + x] = first + t * (z - first);
-                        }
+                for x in block {
+                    if ends((&above[x], &row[x])) {
+                        self.span_column(metres, width, [x, y], longest(height));
                     }
                 }
             }
@@ -46,6 +46,7 @@ impl Holes {
         self.metres
             .par_chunks_mut(width)
             .zip(metres.par_chunks(width))
+            .with_min_len(16)
             .for_each(|(holes, row)| {
                 let mut x = 0;
                 while x < width {
@@ -71,6 +72,21 @@ impl Holes {
                     x = end;
                 }
             });
+    }
+
+    /// The hole that ends above (x, y).
+    fn span_column(&mut self, metres: &[f32], width: usize, [x, y]: [usize; 2], longest: usize) {
+        let known = |row: &usize| !metres[row * width + x].is_nan();
+        let Some(above) = (y.saturating_sub(longest)..y).rev().find(known) else {
+            return;
+        };
+        let (first, last) = (metres[above * width + x], metres[y * width + x]);
+        if same_surface(first, last) {
+            for between in above + 1..y {
+                let t = (between - above) as f32 / (y - above) as f32;
+                self.metres[between * width + x] = first + t * (last - first);
+            }
+        }
     }
 }
 
