@@ -7,13 +7,11 @@
 //! and the farther side wins ties, because what a gap beside a near thing uncovers is background.
 
 mod gap;
-mod guide;
 mod sweep;
 
 use super::RegisteredDepth;
-use crate::radiometry::LinearImage;
+use super::guide::Guide;
 use gap::Judge;
-use guide::Guide;
 use rayon::prelude::*;
 use sweep::{Columns, FAR, Look};
 
@@ -22,7 +20,6 @@ use sweep::{Columns, FAR, Look};
 pub(super) struct Gaps {
     metres: Vec<f32>,
     sigma: Vec<f32>,
-    guide: Guide,
     columns: Columns,
 }
 
@@ -33,7 +30,7 @@ impl Gaps {
         &mut self,
         registered: &mut RegisteredDepth,
         focal_pixels: f32,
-        guide: Option<&LinearImage>,
+        guide: &Guide,
     ) {
         let (width, height) = registered.metres.size();
         self.metres.clear();
@@ -41,11 +38,10 @@ impl Gaps {
         self.sigma.clear();
         self.sigma
             .extend_from_slice(registered.sigma_metres.samples());
-        self.guide.take(guide, width, height);
-        self.columns.sweep(&self.metres, &self.guide, width, height);
-        let judge = Judge::new(width.max(height), focal_pixels, guide.is_some());
+        self.columns.sweep(&self.metres, guide, width, height);
+        let judge = Judge::new(width.max(height), focal_pixels, !guide.is_empty());
         let (from, from_sigma) = (&self.metres, &self.sigma);
-        let (columns, guide) = (&self.columns, &self.guide);
+        let columns = &self.columns;
         registered
             .metres
             .samples_mut()

@@ -7,8 +7,10 @@
 mod cleaning;
 mod error;
 mod fill;
+mod guide;
 mod holes;
 mod maps;
+mod snap;
 mod surface;
 
 pub use error::RegistrationError;
@@ -49,6 +51,8 @@ pub struct Scratch {
     cleaned: cleaning::Cleaned,
     surface: surface::Surface,
     fill: fill::Gaps,
+    guide: guide::Guide,
+    snap: snap::Snap,
 }
 
 /// Brings a depth frame onto the color grid of `maps`.
@@ -101,9 +105,14 @@ pub fn register_into(
     if !landed {
         return Err(RegistrationError::NoDepth);
     }
-    scratch
-        .fill
-        .close(registered, maps.color.focal_pixels(), guide);
+    let focal = maps.color.focal_pixels();
+    let (width, height) = maps.color_size();
+    scratch.guide.take(guide, width, height);
+    scratch.fill.close(registered, focal, &scratch.guide);
+    if maps.depth.rays.is_some() {
+        let footprint = focal * maps.depth.spacing;
+        scratch.snap.edges(registered, &scratch.guide, footprint, focal);
+    }
     Ok(())
 }
 

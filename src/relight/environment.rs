@@ -2,7 +2,7 @@
 
 use super::{
     Indirect, Lamp, Prepared, RelightOptions, Relit, Shadows,
-    shading::{Facet, SurfaceRow, block},
+    shading::{Facet, SurfaceRow, block, store},
     visibility::{
         VisibilityMap,
         map::{AZIMUTHS, DIRECTIONS, RINGS, cell},
@@ -307,19 +307,11 @@ impl Row<'_> {
         shadow: &mut [f32],
         open: &mut [f32],
     ) {
-        let splat = |value: f32| f32x8::splat(simd, value);
-        let zero = splat(0.0);
+        let zero = f32x8::splat(simd, 0.0);
         let surface = &self.surface;
         for start in (0..light.len()).step_by(LANES) {
-            let here = LANES.min(light.len() - start);
-            let take = |row: &[f32]| block(simd, row, start);
-            let rays = [take(surface.ray_x), take(surface.ray_y)];
-            let facet = Facet::new(
-                simd,
-                surface.normal.map(take),
-                take(surface.roughness),
-                rays,
-            );
+            let end = (start + LANES).min(light.len());
+            let facet = Facet::new(simd, surface, start);
             let mut diffuse = [zero; 3];
             let mut shine = [zero; 3];
             let mut arriving = zero;
@@ -328,7 +320,7 @@ impl Row<'_> {
                 let mut words = [u32::MAX; LANES];
                 if let Some(map) = self.map {
                     let ring = map.ring(ring);
-                    for (word, &place) in words.iter_mut().zip(&self.places[start..start + here]) {
+                    for (word, &place) in words.iter_mut().zip(&self.places[start..end]) {
                         *word = ring.get(place as usize).copied().unwrap_or(u32::MAX);
                     }
                 }
@@ -336,26 +328,26 @@ impl Row<'_> {
                 for lamp in lamps {
                     let [lit, specular] = facet.lobes(simd, lamp.toward);
                     let clear = ((words >> lamp.azimuth) & 1).simd_gt(0);
-                    sent = lit.mul_add(splat(lamp.level), sent);
+                    sent = lit.mul_add(lamp.level, sent);
                     let lit = clear.select(lit, zero);
                     let specular = clear.select(specular, zero);
-                    arriving = lit.mul_add(splat(lamp.level), arriving);
+                    arriving = lit.mul_add(lamp.level, arriving);
                     for c in 0..3 {
-                        diffuse[c] = lit.mul_add(splat(lamp.color[c]), diffuse[c]);
-                        shine[c] = specular.mul_add(splat(lamp.color[c]), shine[c]);
+                        diffuse[c] = lit.mul_add(lamp.color[c], diffuse[c]);
+                        shine[c] = specular.mul_add(lamp.color[c], shine[c]);
                     }
                 }
             }
-            let albedo = surface.albedo.map(take);
-            let unknown = albedo[0] * zero;
-            let out: [f32x8<S>; 3] =
-                std::array::from_fn(|c| albedo[c].mul_add(diffuse[c], shine[c]));
-            for (i, pixel) in light[start..start + here].iter_mut().enumerate() {
-                *pixel = std::array::from_fn(|c| out[c].as_slice()[i]);
+            let mut channels = [zero; 3];
+            for c in 0..3 {
+                let albedo = block(simd, surface.albedo[c], start);
+                channels[c] = albedo.mul_add(diffuse[c], shine[c]);
             }
-            let arriving = arriving + unknown;
-            shadow[start..start + here].copy_from_slice(&arriving.as_slice()[..here]);
-            open[start..start + here].copy_from_slice(&sent.as_slice()[..here]);
+            store(&channels, &mut light[start..end]);
+            // Unknown albedo makes the share unknown: zero times it is NaN again.
+            let arriving = block(simd, surface.albedo[0], start).mul_add(zero, arriving);
+            shadow[start..end].copy_from_slice(&arriving.as_slice()[..end - start]);
+            open[start..end].copy_from_slice(&sent.as_slice()[..end - start]);
         }
     }
 }

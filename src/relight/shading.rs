@@ -40,18 +40,17 @@ pub struct ShaderLamp {
 
 /// 2^x for x in [−100, 100], relative error under 5e-6.
 #[inline(always)]
-fn exp2<S: Simd>(simd: S, x: f32x8<S>) -> f32x8<S> {
-    let splat = |value: f32| f32x8::splat(simd, value);
+fn exp2<S: Simd>(x: f32x8<S>) -> f32x8<S> {
     // Adding 1.5·2²³ rounds to the nearest integer and leaves it in the low mantissa bits.
     const ROUND: f32 = 12_582_912.0;
     let rounded = x + ROUND;
     let f = x - (rounded - ROUND);
     // Taylor of 2^f around 0, |f| ≤ 1/2.
-    let p = f.mul_add(splat(0.001_333_355_8), splat(0.009_618_129));
-    let p = f.mul_add(p, splat(0.055_504_11));
-    let p = f.mul_add(p, splat(0.240_226_51));
-    let p = f.mul_add(p, splat(std::f32::consts::LN_2));
-    let p = f.mul_add(p, splat(1.0));
+    let p = f.mul_add(0.001_333_355_8, 0.009_618_129);
+    let p = f.mul_add(p, 0.055_504_11);
+    let p = f.mul_add(p, 0.240_226_51);
+    let p = f.mul_add(p, std::f32::consts::LN_2);
+    let p = f.mul_add(p, 1.0);
     let (p, exponent): (u32x8<S>, u32x8<S>) = (p.bitcast(), rounded.bitcast());
     (p + (exponent << 23)).bitcast()
 }
@@ -67,60 +66,53 @@ pub(super) struct Facet<S: Simd> {
     alpha2: f32x8<S>,
     /// Karis' k = (roughness + 1)² / 8.
     k: f32x8<S>,
-    /// 1 / (4 (n·v (1 − k) + k)).
-    per_masking: f32x8<S>,
+    /// α² / (4 (n·v (1 − k) + k)).
+    peak: f32x8<S>,
 }
 
 impl<S: Simd> Facet<S> {
+    /// Of the eight pixels from `start`.
     #[inline(always)]
-    pub(super) fn new(
-        simd: S,
-        normal: [f32x8<S>; 3],
-        roughness: f32x8<S>,
-        [rx, ry]: [f32x8<S>; 2],
-    ) -> Self {
-        let splat = |value: f32| f32x8::splat(simd, value);
-        let [nx, ny, nz] = normal;
-        let per_length = splat(-1.0) / rx.mul_add(rx, ry.mul_add(ry, splat(1.0))).sqrt();
-        let to_camera = [rx * per_length, ry * per_length, per_length];
-        let [vx, vy, vz] = to_camera;
-        let n_dot_v = nx.mul_add(vx, ny.mul_add(vy, nz * vz)).max(splat(1e-3));
-        let roughness = roughness.max(splat(ROUGHNESS_FLOOR));
+    pub(super) fn new(simd: S, row: &SurfaceRow<'_>, start: usize) -> Self {
+        let (rx, ry) = (block(simd, row.ray_x, start), block(simd, row.ray_y, start));
+        let per_length = rx.mul_add(rx, ry.mul_add(ry, 1.0)).sqrt();
+        let per_length = f32x8::splat(simd, -1.0) / per_length;
+        let (vx, vy, vz) = (rx * per_length, ry * per_length, per_length);
+        let nx = block(simd, row.normal[0], start);
+        let ny = block(simd, row.normal[1], start);
+        let nz = block(simd, row.normal[2], start);
+        let n_dot_v = nx.mul_add(vx, ny.mul_add(vy, nz * vz)).max(1e-3);
+        let roughness = block(simd, row.roughness, start).max(ROUGHNESS_FLOOR);
         let alpha = roughness * roughness;
         let rough_one = roughness + 1.0;
         let k = rough_one * rough_one * 0.125;
-        let per_masking = splat(0.25) / n_dot_v.mul_add(splat(1.0) - k, k);
-        Self {
-            normal,
-            to_camera,
-            n_dot_v,
-            alpha2: alpha * alpha,
-            k,
-            per_masking,
-        }
+        let alpha2 = alpha * alpha;
+        let masking = n_dot_v.mul_add(f32x8::splat(simd, 1.0) - k, k);
+        let peak = alpha2 * 0.25 / masking;
+        Self { normal: [nx, ny, nz], to_camera: [vx, vy, vz], n_dot_v, alpha2, k, peak }
     }
 
     /// `[n·l, π f n·l]` under a lamp in direction `toward`, both zero where it is turned away.
     #[inline(always)]
     pub(super) fn lobes(&self, simd: S, [lx, ly, lz]: [f32; 3]) -> [f32x8<S>; 2] {
-        let splat = |value: f32| f32x8::splat(simd, value);
-        let (zero, one) = (splat(0.0), splat(1.0));
+        let one = f32x8::splat(simd, 1.0);
         let ([nx, ny, nz], [vx, vy, vz]) = (self.normal, self.to_camera);
-        let n_dot_l = nx.mul_add(splat(lx), ny.mul_add(splat(ly), nz * lz));
-        let l_dot_v = vx.mul_add(splat(lx), vy.mul_add(splat(ly), vz * lz));
+        let n_dot_l = nx.mul_add(lx, ny.mul_add(ly, nz * lz));
+        let l_dot_v = vx.mul_add(lx, vy.mul_add(ly, vz * lz));
         let opening = l_dot_v + 1.0;
-        let per_half = one / (opening * 2.0).max(splat(1e-8)).sqrt();
-        let n_dot_h = ((n_dot_l + self.n_dot_v) * per_half).max(zero).min(one);
-        let v_dot_h = (opening * per_half).max(zero).min(one);
-        let lit = n_dot_l.max(zero);
+        let per_half = one / (opening * 2.0).max(1e-8).sqrt();
+        let n_dot_h = ((n_dot_l + self.n_dot_v) * per_half).max(0.0).min(1.0);
+        let v_dot_h = (opening * per_half).max(0.0).min(1.0);
+        let lit = n_dot_l.max(0.0);
         // (n·h)²(α² − 1) + 1 without the cancellation near the peak of a narrow lobe.
-        let spread = (n_dot_h * n_dot_h).mul_add(self.alpha2, (one - n_dot_h) * (one + n_dot_h));
-        let exponent = v_dot_h.mul_add(splat(-5.55473), splat(-6.98316)) * v_dot_h;
-        let fresnel = exp2(simd, exponent).mul_add(splat(1.0 - F0), splat(F0));
+        let spread =
+            (n_dot_h * n_dot_h).mul_add(self.alpha2, (one - n_dot_h) * (one + n_dot_h));
+        let exponent = v_dot_h.mul_add(-5.55473, -6.98316) * v_dot_h;
+        let fresnel = exp2(exponent).mul_add(1.0 - F0, F0);
         // π D F G / (4 n·v): n·l of the cosine cancels against the denominator's.
         let masking = lit.mul_add(one - self.k, self.k);
-        let denominator = (spread * spread * masking).max(splat(1e-12));
-        let specular = self.alpha2 * fresnel * lit * self.per_masking / denominator;
+        let denominator = (spread * spread * masking).max(1e-12);
+        let specular = self.peak * fresnel * lit / denominator;
         [lit, specular]
     }
 }
@@ -150,6 +142,19 @@ pub(super) fn block<S: Simd>(simd: S, row: &[f32], start: usize) -> f32x8<S> {
     f32x8::load_array(simd, lanes)
 }
 
+/// Stores up to eight pixels, one vector per channel.
+#[inline(always)]
+pub(super) fn store<S: Simd>(channels: &[f32x8<S>; 3], out: &mut [[f32; 3]]) {
+    let mut lanes = [[0.0f32; LANES]; 3];
+    channels[0].store_slice(&mut lanes[0]);
+    channels[1].store_slice(&mut lanes[1]);
+    channels[2].store_slice(&mut lanes[2]);
+    let [red, green, blue] = &lanes;
+    for (((pixel, red), green), blue) in out.iter_mut().zip(red).zip(green).zip(blue) {
+        *pixel = [*red, *green, *blue];
+    }
+}
+
 #[inline(always)]
 fn shade_blocks<S: Simd>(
     simd: S,
@@ -158,35 +163,25 @@ fn shade_blocks<S: Simd>(
     visibility: &mut [f32],
     out: &mut [[f32; 3]],
 ) {
-    let splat = |value: f32| f32x8::splat(simd, value);
-    let zero = splat(0.0);
+    let zero = f32x8::splat(simd, 0.0);
     for start in (0..out.len()).step_by(LANES) {
-        let here = LANES.min(out.len() - start);
-        let take = |row: &[f32]| block(simd, row, start);
-        let rays = [take(surface.ray_x), take(surface.ray_y)];
-        let facet = Facet::new(
-            simd,
-            surface.normal.map(take),
-            take(surface.roughness),
-            rays,
-        );
+        let end = (start + LANES).min(out.len());
+        let facet = Facet::new(simd, surface, start);
         let [lit, specular] = facet.lobes(simd, lamp.toward);
-        let seen = take(visibility);
+        let seen = block(simd, visibility, start);
         let (cosine, shine) = (lit * seen, specular * seen);
-        let blocked = take(surface.obscurance);
-        let channel = |c: usize| {
-            let diffuse = cosine.mul_add(splat(lamp.color[c]), blocked * lamp.indirect[c]);
-            take(surface.albedo[c]).mul_add(diffuse, shine * lamp.color[c])
-        };
-        let [red, green, blue] = [channel(0), channel(1), channel(2)];
+        let blocked = block(simd, surface.obscurance, start);
+        let mut channels = [zero; 3];
+        for c in 0..3 {
+            let diffuse = cosine.mul_add(lamp.color[c], blocked * lamp.indirect[c]);
+            let albedo = block(simd, surface.albedo[c], start);
+            channels[c] = albedo.mul_add(diffuse, shine * lamp.color[c]);
+        }
+        store(&channels, &mut out[start..end]);
         let shadow = lit.simd_gt(0.0).select(seen, zero);
         // Unknown albedo makes the sum unknown: zero times it is NaN again.
-        let shadow = take(surface.albedo[0]).mul_add(zero, shadow);
-        visibility[start..start + here].copy_from_slice(&shadow.as_slice()[..here]);
-        let (red, green, blue) = (red.as_slice(), green.as_slice(), blue.as_slice());
-        for (i, pixel) in out[start..start + here].iter_mut().enumerate() {
-            *pixel = [red[i], green[i], blue[i]];
-        }
+        let shadow = block(simd, surface.albedo[0], start).mul_add(zero, shadow);
+        visibility[start..end].copy_from_slice(&shadow.as_slice()[..end - start]);
     }
 }
 
@@ -257,7 +252,7 @@ mod tests {
         for step in 0..2000 {
             let x = -13.0 + step as f32 * 0.0075;
             let found =
-                dispatch!(Level::new(), simd => exp2(simd, f32x8::splat(simd, x)).as_slice()[0]);
+                dispatch!(Level::new(), simd => exp2(f32x8::splat(simd, x)).as_slice()[0]);
             assert!((found / x.exp2() - 1.0).abs() < 5e-6, "2^{x}");
         }
     }

@@ -1,6 +1,6 @@
 //! The nearest measured pixel in a direction, and the color edges on the way to it.
 
-use super::guide::Guide;
+use crate::registration::guide::Guide;
 use rayon::prelude::*;
 
 /// Columns that one task owns.

@@ -159,16 +159,16 @@ impl<'a> Walk<'a> {
         if first > end {
             return;
         }
-        let splat = |value: f32| f32x8::splat(simd, value);
-        let load = |lanes: &Lanes| f32x8::load_array_ref(simd, lanes);
-        let (start, slope) = (load(&self.start), load(&self.slope));
-        let (axis_start, axis_slope) = (load(&self.axis_start), load(&self.axis_slope));
+        let start = f32x8::load_array_ref(simd, &self.start);
+        let slope = f32x8::load_array_ref(simd, &self.slope);
+        let axis_start = f32x8::load_array_ref(simd, &self.axis_start);
+        let axis_slope = f32x8::load_array_ref(simd, &self.axis_slope);
         let half_step = axis_slope.abs() * 0.5;
-        let (zero, one, infinity) = (splat(0.0), splat(1.0), splat(f32::INFINITY));
-        let empty = splat(f32::NEG_INFINITY);
-        let last = splat((self.stride - 1) as f32);
-        let edge = splat(self.edge);
-        let unseen_under = splat(if self.leaves_frame {
+        let (zero, one, infinity) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0), f32x8::splat(simd, f32::INFINITY));
+        let empty = f32x8::splat(simd, f32::NEG_INFINITY);
+        let last = f32x8::splat(simd, (self.stride - 1) as f32);
+        let edge = f32x8::splat(simd, self.edge);
+        let unseen_under = f32x8::splat(simd, if self.leaves_frame {
             self.near_metres
         } else {
             f32::INFINITY
@@ -186,7 +186,7 @@ impl<'a> Walk<'a> {
                 first + step
             };
             let m = major as f32;
-            let minor = slope.mul_add(splat(m), start);
+            let minor = slope.mul_add(f32x8::splat(simd, m), start);
             let inside = minor.simd_ge(-0.5) & minor.simd_le(last + 0.5);
             let at = minor.max(zero).min(last);
             let index: i32x8<S> = at.to_int();
@@ -202,37 +202,39 @@ impl<'a> Walk<'a> {
                 (q0[l], q1[l]) = (a.inverse_depth, b.inverse_depth);
                 (packed[0][l], packed[1][l]) = (a.thickness_sigma, b.thickness_sigma);
             }
-            let (q0, q1) = (load(&q0), load(&q1));
-            let bits = |lanes: &[u32; LANES]| u32x8::load_array_ref(simd, lanes);
+            let (q0, q1) = (f32x8::load_array(simd, q0), f32x8::load_array(simd, q1));
+            let [packed0, packed1] = packed;
+            let packed0 = u32x8::load_array(simd, packed0);
+            let packed1 = u32x8::load_array(simd, packed1);
             let first_nearer = fraction.simd_lt(0.5);
-            let packed = first_nearer.select(bits(&packed[0]), bits(&packed[1]));
+            let packed = first_nearer.select(packed0, packed1);
             let nearest = first_nearer.select(q0, q1);
             let thickness: f32x8<S> = (packed & 0xffff_0000).bitcast();
             let sigma: f32x8<S> = (packed << 16).bitcast();
             let relative_sigma = sigma * nearest;
-            let jump = relative_sigma.mul_add(splat(2.0), edge) * nearest;
+            let jump = relative_sigma.mul_add(f32x8::splat(simd, 2.0), edge) * nearest;
             let one_surface = (q0 - q1).abs().simd_lt(jump);
             let q = one_surface.select(fraction.mul_add(q1 - q0, q0), nearest);
             let z = one / q;
             let known = inside & q.simd_gt(0.0);
-            let axis = axis_slope.mul_add(splat(m), axis_start).max(zero);
+            let axis = axis_slope.mul_add(f32x8::splat(simd, m), axis_start).max(zero);
             let v = axis * z;
             per_entry = (inside & per_entry.simd_eq(0.0)).select(one / axis, per_entry);
 
             // Compare against what has been passed.
             let softness =
-                (axis * sigma).mul_add(splat(SIGMAS * std::f32::consts::SQRT_2), half_step * z);
-            let per_softness = splat(0.5) / softness.max(splat(1e-12));
+                (axis * sigma).mul_add(f32x8::splat(simd, SIGMAS * std::f32::consts::SQRT_2), half_step * z);
+            let per_softness = f32x8::splat(simd, 0.5) / softness.max(f32x8::splat(simd, 1e-12));
             let mut blocked = zero;
             for k in 0..SLOTS {
                 let under = ((v - lo[k]) * per_softness).max(zero).min(one);
                 let over = (hi[k] - v)
-                    .mul_add(per_softness, splat(0.5))
+                    .mul_add(per_softness, f32x8::splat(simd, 0.5))
                     .max(zero)
                     .min(one);
                 blocked = blocked.max(under * over);
             }
-            let lit = (one - blocked).mul_add(splat(LIT as f32), splat(0.5));
+            let lit = (one - blocked).mul_add(f32x8::splat(simd, LIT as f32), f32x8::splat(simd, 0.5));
             let unseen = (v * per_entry).simd_gt(unseen_under);
             let answer: i32x8<S> = unseen.select(lit + f32::from(UNSEEN), lit).to_int();
             let offset = (major - self.fan.from) * LANES;
@@ -244,7 +246,7 @@ impl<'a> Walk<'a> {
             }
 
             // Add this sample's slab, reaching to its neighbour on the same surface.
-            let reach = relative_sigma.mul_add(splat(2.0), edge * 2.0) * z;
+            let reach = relative_sigma.mul_add(f32x8::splat(simd, 2.0), edge * 2.0) * z;
             let joined = (z - previous_z).abs().simd_lt(reach);
             let back = axis * (z + thickness);
             let a = joined.select(v.min(previous_v), v);
