@@ -6,6 +6,9 @@ use rayon::prelude::*;
 /// Differences beyond so many standard deviations are structure, not noise.
 const REACH_SIGMAS: f32 = 3.0;
 
+/// Sigmas are believed up to this many medians when neighbours are compared.
+const MOST_DOUBT: f32 = 4.0;
+
 /// Most levels; the last one's taps stand 2·2^(n−1) pixels out.
 const MOST_LEVELS: u32 = 6;
 
@@ -36,7 +39,9 @@ pub(super) fn levels_for(noise_in_pitches: f32) -> u32 {
 ///
 /// Taps are taken in pairs left and right of a pixel and judged by their *mean*, so that a slant
 /// costs nothing; a pair that contradicts the pixel by over three sigma is given up for whichever
-/// of its taps agrees alone. Weights are Tukey's. Unknown pixels stay unknown. The first level's
+/// of its taps agrees alone. Weights are Tukey's, over the variance of the tap. A sigma far above
+/// the picture's median (filled gaps, silhouettes) counts as [`MOST_DOUBT`] medians here, lest
+/// pixels that doubt themselves agree with every surface around. Unknown pixels stay unknown. The first level's
 /// taps stand `spacing` pixels apart, where noise is independent; what is finer than that is
 /// smoothed last, and gains no certainty.
 pub(super) fn smooth(mut depth: InverseDepth, levels: u32, spacing: usize) -> InverseDepth {
@@ -44,6 +49,10 @@ pub(super) fn smooth(mut depth: InverseDepth, levels: u32, spacing: usize) -> In
     if width == 0 || height == 0 || levels == 0 {
         return depth;
     }
+    let stated = depth.variance.clone();
+    let most = MOST_DOUBT * MOST_DOUBT * median(&depth.variance);
+    // `clamp` keeps NaN.
+    depth.variance = depth.variance.map(|variance| variance.clamp(0.0, most));
     let mut next = depth.clone();
     let independent = (0..levels).map(|level| (spacing << level, true));
     let finer = (0..spacing.ilog2()).rev().map(|level| (1 << level, false));
@@ -53,7 +62,22 @@ pub(super) fn smooth(mut depth: InverseDepth, levels: u32, spacing: usize) -> In
             std::mem::swap(&mut depth, &mut next);
         }
     }
+    for (variance, stated) in depth.variance.samples_mut().iter_mut().zip(stated.samples()) {
+        *variance *= (stated / most).max(1.0);
+    }
     depth
+}
+
+/// Median of the known, positive variances of a sparse set of pixels; +∞ without any.
+fn median(variance: &Plane<f32>) -> f32 {
+    let step = (variance.len() / 20_000).max(1);
+    let mut known: Vec<f32> =
+        variance.samples().iter().step_by(step).copied().filter(|&v| v > 0.0).collect();
+    if known.is_empty() {
+        return f32::INFINITY;
+    }
+    let middle = known.len() / 2;
+    *known.select_nth_unstable_by(middle, f32::total_cmp).1
 }
 
 /// One level along one axis.
@@ -104,6 +128,7 @@ fn blend(taps: [[&[f32]; 2]; 5], value: &mut [f32], variance: &mut [f32]) {
             weight: 6.0,
             value: 6.0 * center,
             variance: 36.0 * own,
+            own,
         };
         for (near, far, weight) in [(1, 3, 8.0), (0, 4, 2.0)] {
             let a = taps[near].map(|row| row[x]);
@@ -120,6 +145,8 @@ struct Sum {
     weight: f32,
     value: f32,
     variance: f32,
+    /// Variance of the pixel in the middle, against which the taps' are weighed.
+    own: f32,
 }
 
 impl Sum {
@@ -142,9 +169,11 @@ impl Sum {
     }
 
     fn add(&mut self, value: f32, variance: f32, weight: f32) {
+        // A tap without noise has nothing to be weighed against.
+        let weight = if variance > 0.0 { weight * self.own / variance } else { weight };
         // NaN has weight 0, and 0 · NaN must not reach the sums.
         let counts = weight > 0.0;
-        self.weight += weight;
+        self.weight += if counts { weight } else { 0.0 };
         self.value += if counts { weight * value } else { 0.0 };
         self.variance += if counts {
             weight * weight * variance
