@@ -61,7 +61,7 @@ pub struct Relit {
 const BOUNCE: f32 = 0.5;
 /// The same where the scale of the albedo is unknown: bounced light grows with its square, so a
 /// guess that is too bright does more harm than one that is too dark.
-const BOUNCE_OF_UNKNOWN_SCALE: f32 = 0.15;
+const BOUNCE_OF_UNKNOWN_SCALE: f32 = 0.05;
 
 /// Every how many rows and columns the indirect light is estimated from.
 const SPARSE: usize = 12;

@@ -48,7 +48,7 @@ fn exp2<S: Simd>(x: f32x8<S>) -> f32x8<S> {
     // Taylor of 2^f around 0, |f| ≤ 1/2.
     let p = f.mul_add(0.001_333_355_8, 0.009_618_129);
     let p = f.mul_add(p, 0.055_504_11);
-    let p = f.mul_add(p, 0.240_226_51);
+    let p = f.mul_add(p, 0.240_226_5);
     let p = f.mul_add(p, std::f32::consts::LN_2);
     let p = f.mul_add(p, 1.0);
     let (p, exponent): (u32x8<S>, u32x8<S>) = (p.bitcast(), rounded.bitcast());
