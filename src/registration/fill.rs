@@ -26,12 +26,7 @@ pub(super) struct Gaps {
 impl Gaps {
     /// Fills what can be filled of `registered`; pixels farther from any measurement than the
     /// reach, or beyond the rim of all measurements, stay NaN.
-    pub fn close(
-        &mut self,
-        registered: &mut RegisteredDepth,
-        focal_pixels: f32,
-        guide: &Guide,
-    ) {
+    pub fn close(&mut self, registered: &mut RegisteredDepth, focal_pixels: f32, guide: &Guide) {
         let (width, height) = registered.metres.size();
         self.metres.clear();
         self.metres.extend_from_slice(registered.metres.samples());

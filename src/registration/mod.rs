@@ -111,7 +111,9 @@ pub fn register_into(
     scratch.fill.close(registered, focal, &scratch.guide);
     if maps.depth.rays.is_some() {
         let footprint = focal * maps.depth.spacing;
-        scratch.snap.edges(registered, &scratch.guide, footprint, focal);
+        scratch
+            .snap
+            .edges(registered, &scratch.guide, footprint, focal);
     }
     Ok(())
 }

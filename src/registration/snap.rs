@@ -113,7 +113,8 @@ impl Snap {
         let reach = (footprint.ceil().max(1.0) as usize + 1).min(WIDEST);
         let jump = JUMP.max(STEEPEST / focal);
         self.near.clear();
-        self.near.extend(registered.metres.samples().iter().map(|z| 1.0 / z));
+        self.near
+            .extend(registered.metres.samples().iter().map(|z| 1.0 / z));
         self.mark(width, height, reach, jump);
         let (near, band) = (&self.near, &self.band);
         registered
@@ -126,14 +127,26 @@ impl Snap {
             .with_min_len(4)
             .for_each(|(y, ((metres, sigma), measured))| {
                 for x in (0..width).filter(|x| band[y * width + x]) {
-                    let window = Window { near, band, guide, width, height, reach, jump };
+                    let window = Window {
+                        near,
+                        band,
+                        guide,
+                        width,
+                        height,
+                        reach,
+                        jump,
+                    };
                     let Some((w, scatter, moved)) = window.decide(x, y, measured[x]) else {
                         continue;
                     };
                     metres[x] = 1.0 / w;
                     // Inverse depth scatters by scatter: depth by scatter · z².
                     let scatter = scatter / (w * w);
-                    sigma[x] = if sigma[x].is_nan() { scatter } else { sigma[x].max(scatter) };
+                    sigma[x] = if sigma[x].is_nan() {
+                        scatter
+                    } else {
+                        sigma[x].max(scatter)
+                    };
                     measured[x] &= !moved;
                 }
             });
@@ -145,33 +158,42 @@ impl Snap {
         let apart = |a: f32, b: f32| (a - b).abs() > jump * a.max(b);
         self.swap.clear();
         self.swap.resize(width * height, false);
-        self.swap.par_chunks_mut(width).enumerate().for_each(|(y, out)| {
-            for (x, out) in out.iter_mut().enumerate() {
-                let i = y * width + x;
-                *out = (x > 0 && apart(near[i], near[i - 1]))
-                    || (y > 0 && apart(near[i], near[i - width]));
-            }
-        });
+        self.swap
+            .par_chunks_mut(width)
+            .enumerate()
+            .for_each(|(y, out)| {
+                for (x, out) in out.iter_mut().enumerate() {
+                    let i = y * width + x;
+                    *out = (x > 0 && apart(near[i], near[i - 1]))
+                        || (y > 0 && apart(near[i], near[i - width]));
+                }
+            });
         // Widened along rows, then along columns.
         let jumps = &self.swap;
         self.band.clear();
         self.band.resize(width * height, false);
-        self.band.par_chunks_mut(width).enumerate().for_each(|(y, out)| {
-            let row = &jumps[y * width..(y + 1) * width];
-            for x in (0..width).filter(|&x| row[x]) {
-                out[x.saturating_sub(reach)..(x + reach).min(width)].fill(true);
-            }
-        });
-        let rows = &self.band;
-        self.swap.par_chunks_mut(width).enumerate().for_each(|(y, out)| {
-            out.fill(false);
-            for from in y.saturating_sub(reach - 1)..(y + reach + 1).min(height) {
-                let row = &rows[from * width..(from + 1) * width];
-                for (out, &marked) in out.iter_mut().zip(row) {
-                    *out |= marked;
+        self.band
+            .par_chunks_mut(width)
+            .enumerate()
+            .for_each(|(y, out)| {
+                let row = &jumps[y * width..(y + 1) * width];
+                for x in (0..width).filter(|&x| row[x]) {
+                    out[x.saturating_sub(reach)..(x + reach).min(width)].fill(true);
                 }
-            }
-        });
+            });
+        let rows = &self.band;
+        self.swap
+            .par_chunks_mut(width)
+            .enumerate()
+            .for_each(|(y, out)| {
+                out.fill(false);
+                for from in y.saturating_sub(reach - 1)..(y + reach + 1).min(height) {
+                    let row = &rows[from * width..(from + 1) * width];
+                    for (out, &marked) in out.iter_mut().zip(row) {
+                        *out |= marked;
+                    }
+                }
+            });
         std::mem::swap(&mut self.band, &mut self.swap);
     }
 }

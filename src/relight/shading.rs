@@ -89,7 +89,14 @@ impl<S: Simd> Facet<S> {
         let alpha2 = alpha * alpha;
         let masking = n_dot_v.mul_add(f32x8::splat(simd, 1.0) - k, k);
         let peak = alpha2 * 0.25 / masking;
-        Self { normal: [nx, ny, nz], to_camera: [vx, vy, vz], n_dot_v, alpha2, k, peak }
+        Self {
+            normal: [nx, ny, nz],
+            to_camera: [vx, vy, vz],
+            n_dot_v,
+            alpha2,
+            k,
+            peak,
+        }
     }
 
     /// `[n·l, π f n·l]` under a lamp in direction `toward`, both zero where it is turned away.
@@ -105,8 +112,7 @@ impl<S: Simd> Facet<S> {
         let v_dot_h = (opening * per_half).max(0.0).min(1.0);
         let lit = n_dot_l.max(0.0);
         // (n·h)²(α² − 1) + 1 without the cancellation near the peak of a narrow lobe.
-        let spread =
-            (n_dot_h * n_dot_h).mul_add(self.alpha2, (one - n_dot_h) * (one + n_dot_h));
+        let spread = (n_dot_h * n_dot_h).mul_add(self.alpha2, (one - n_dot_h) * (one + n_dot_h));
         let exponent = v_dot_h.mul_add(-5.55473, -6.98316) * v_dot_h;
         let fresnel = exp2(exponent).mul_add(1.0 - F0, F0);
         // π D F G / (4 n·v): n·l of the cosine cancels against the denominator's.
@@ -172,10 +178,10 @@ fn shade_blocks<S: Simd>(
         let (cosine, shine) = (lit * seen, specular * seen);
         let blocked = block(simd, surface.obscurance, start);
         let mut channels = [zero; 3];
-        for c in 0..3 {
+        for (c, channel) in channels.iter_mut().enumerate() {
             let diffuse = cosine.mul_add(lamp.color[c], blocked * lamp.indirect[c]);
             let albedo = block(simd, surface.albedo[c], start);
-            channels[c] = albedo.mul_add(diffuse, shine * lamp.color[c]);
+            *channel = albedo.mul_add(diffuse, shine * lamp.color[c]);
         }
         store(&channels, &mut out[start..end]);
         let shadow = lit.simd_gt(0.0).select(seen, zero);
@@ -251,8 +257,7 @@ mod tests {
     fn powers_of_two_are_right_to_five_digits() {
         for step in 0..2000 {
             let x = -13.0 + step as f32 * 0.0075;
-            let found =
-                dispatch!(Level::new(), simd => exp2(f32x8::splat(simd, x)).as_slice()[0]);
+            let found = dispatch!(Level::new(), simd => exp2(f32x8::splat(simd, x)).as_slice()[0]);
             assert!((found / x.exp2() - 1.0).abs() < 5e-6, "2^{x}");
         }
     }

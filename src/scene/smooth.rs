@@ -62,7 +62,12 @@ pub(super) fn smooth(mut depth: InverseDepth, levels: u32, spacing: usize) -> In
             std::mem::swap(&mut depth, &mut next);
         }
     }
-    for (variance, stated) in depth.variance.samples_mut().iter_mut().zip(stated.samples()) {
+    for (variance, stated) in depth
+        .variance
+        .samples_mut()
+        .iter_mut()
+        .zip(stated.samples())
+    {
         *variance *= (stated / most).max(1.0);
     }
     depth
@@ -71,8 +76,13 @@ pub(super) fn smooth(mut depth: InverseDepth, levels: u32, spacing: usize) -> In
 /// Median of the known, positive variances of a sparse set of pixels; +∞ without any.
 fn median(variance: &Plane<f32>) -> f32 {
     let step = (variance.len() / 20_000).max(1);
-    let mut known: Vec<f32> =
-        variance.samples().iter().step_by(step).copied().filter(|&v| v > 0.0).collect();
+    let mut known: Vec<f32> = variance
+        .samples()
+        .iter()
+        .step_by(step)
+        .copied()
+        .filter(|&v| v > 0.0)
+        .collect();
     if known.is_empty() {
         return f32::INFINITY;
     }
@@ -170,7 +180,11 @@ impl Sum {
 
     fn add(&mut self, value: f32, variance: f32, weight: f32) {
         // A tap without noise has nothing to be weighed against.
-        let weight = if variance > 0.0 { weight * self.own / variance } else { weight };
+        let weight = if variance > 0.0 {
+            weight * self.own / variance
+        } else {
+            weight
+        };
         // NaN has weight 0, and 0 · NaN must not reach the sums.
         let counts = weight > 0.0;
         self.weight += if counts { weight } else { 0.0 };

@@ -164,15 +164,22 @@ impl<'a> Walk<'a> {
         let axis_start = f32x8::load_array_ref(simd, &self.axis_start);
         let axis_slope = f32x8::load_array_ref(simd, &self.axis_slope);
         let half_step = axis_slope.abs() * 0.5;
-        let (zero, one, infinity) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0), f32x8::splat(simd, f32::INFINITY));
+        let (zero, one, infinity) = (
+            f32x8::splat(simd, 0.0),
+            f32x8::splat(simd, 1.0),
+            f32x8::splat(simd, f32::INFINITY),
+        );
         let empty = f32x8::splat(simd, f32::NEG_INFINITY);
         let last = f32x8::splat(simd, (self.stride - 1) as f32);
         let edge = f32x8::splat(simd, self.edge);
-        let unseen_under = f32x8::splat(simd, if self.leaves_frame {
-            self.near_metres
-        } else {
-            f32::INFINITY
-        });
+        let unseen_under = f32x8::splat(
+            simd,
+            if self.leaves_frame {
+                self.near_metres
+            } else {
+                f32::INFINITY
+            },
+        );
         let mut lo = [infinity; SLOTS];
         let mut hi = [empty; SLOTS];
         let mut previous_v = zero;
@@ -217,13 +224,17 @@ impl<'a> Walk<'a> {
             let q = one_surface.select(fraction.mul_add(q1 - q0, q0), nearest);
             let z = one / q;
             let known = inside & q.simd_gt(0.0);
-            let axis = axis_slope.mul_add(f32x8::splat(simd, m), axis_start).max(zero);
+            let axis = axis_slope
+                .mul_add(f32x8::splat(simd, m), axis_start)
+                .max(zero);
             let v = axis * z;
             per_entry = (inside & per_entry.simd_eq(0.0)).select(one / axis, per_entry);
 
             // Compare against what has been passed.
-            let softness =
-                (axis * sigma).mul_add(f32x8::splat(simd, SIGMAS * std::f32::consts::SQRT_2), half_step * z);
+            let softness = (axis * sigma).mul_add(
+                f32x8::splat(simd, SIGMAS * std::f32::consts::SQRT_2),
+                half_step * z,
+            );
             let per_softness = f32x8::splat(simd, 0.5) / softness.max(f32x8::splat(simd, 1e-12));
             let mut blocked = zero;
             for k in 0..SLOTS {
@@ -234,7 +245,8 @@ impl<'a> Walk<'a> {
                     .min(one);
                 blocked = blocked.max(under * over);
             }
-            let lit = (one - blocked).mul_add(f32x8::splat(simd, LIT as f32), f32x8::splat(simd, 0.5));
+            let lit =
+                (one - blocked).mul_add(f32x8::splat(simd, LIT as f32), f32x8::splat(simd, 0.5));
             let unseen = (v * per_entry).simd_gt(unseen_under);
             let answer: i32x8<S> = unseen.select(lit + f32::from(UNSEEN), lit).to_int();
             let offset = (major - self.fan.from) * LANES;
