@@ -2,7 +2,7 @@
 
 use super::{
     Indirect, Lamp, Prepared, RelightOptions, Relit, Shadows,
-    shading::{Facet, SurfaceRow, block, store},
+    shading::{Facet, LANES, SurfaceRow, block, store},
     visibility::{
         VisibilityMap,
         map::{AZIMUTHS, DIRECTIONS, RINGS, cell},
@@ -10,7 +10,7 @@ use super::{
 };
 use crate::radiometry::LinearImage;
 use drivers::Plane;
-use fearless_simd::{Level, Simd, dispatch, f32x8, prelude::*, u32x8};
+use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*, u32x16};
 use glam::Vec3;
 use rayon::prelude::*;
 use thiserror::Error;
@@ -20,7 +20,6 @@ use thiserror::Error;
 const STRONG_SHARE: f32 = 0.04;
 /// At most so many lights are swept by themselves.
 const STRONG_LIGHTS: usize = 4;
-const LANES: usize = 8;
 
 /// Why an environment map gives no light.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
@@ -307,7 +306,7 @@ impl Row<'_> {
         shadow: &mut [f32],
         open: &mut [f32],
     ) {
-        let zero = f32x8::splat(simd, 0.0);
+        let zero = f32x16::splat(simd, 0.0);
         let surface = &self.surface;
         for start in (0..light.len()).step_by(LANES) {
             let end = (start + LANES).min(light.len());
@@ -324,7 +323,7 @@ impl Row<'_> {
                         *word = ring.get(place as usize).copied().unwrap_or(u32::MAX);
                     }
                 }
-                let words = u32x8::load_array(simd, words);
+                let words = u32x16::load_array(simd, words);
                 for lamp in lamps {
                     let [lit, specular] = facet.lobes(simd, lamp.toward);
                     let clear = ((words >> lamp.azimuth) & 1).simd_gt(0);
@@ -343,7 +342,7 @@ impl Row<'_> {
                 let albedo = block(simd, surface.albedo[c], start);
                 channels[c] = albedo.mul_add(diffuse[c], shine[c]);
             }
-            store(&channels, &mut light[start..end]);
+            store(&channels, &mut light[start..]);
             // Unknown albedo makes the share unknown: zero times it is NaN again.
             let arriving = block(simd, surface.albedo[0], start).mul_add(zero, arriving);
             shadow[start..end].copy_from_slice(&arriving.as_slice()[..end - start]);

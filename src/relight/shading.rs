@@ -5,10 +5,10 @@
 //! Outgoing light under a lamp of color c: `c · (albedo · n·l + π f n·l) · visibility`.
 
 use crate::scene::{F0, ROUGHNESS_FLOOR};
-use fearless_simd::{Level, Simd, dispatch, f32x8, prelude::*, u32x8};
+use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*, u32x16};
 
 /// Pixels shaded side by side.
-const LANES: usize = 8;
+pub(super) const LANES: usize = 16;
 
 /// What a row of pixels is made of. All slices have the length of the row; unit normals and rays
 /// in camera axes; a pixel whose albedo is NaN comes out NaN.
@@ -40,7 +40,7 @@ pub struct ShaderLamp {
 
 /// 2^x for x in [−100, 100], relative error under 5e-6.
 #[inline(always)]
-fn exp2<S: Simd>(x: f32x8<S>) -> f32x8<S> {
+fn exp2<S: Simd>(x: f32x16<S>) -> f32x16<S> {
     // Adding 1.5·2²³ rounds to the nearest integer and leaves it in the low mantissa bits.
     const ROUND: f32 = 12_582_912.0;
     let rounded = x + ROUND;
@@ -51,32 +51,32 @@ fn exp2<S: Simd>(x: f32x8<S>) -> f32x8<S> {
     let p = f.mul_add(p, 0.240_226_5);
     let p = f.mul_add(p, std::f32::consts::LN_2);
     let p = f.mul_add(p, 1.0);
-    let (p, exponent): (u32x8<S>, u32x8<S>) = (p.bitcast(), rounded.bitcast());
+    let (p, exponent): (u32x16<S>, u32x16<S>) = (p.bitcast(), rounded.bitcast());
     (p + (exponent << 23)).bitcast()
 }
 
-/// What of eight pixels does not depend on the lamp.
+/// What of a block of pixels does not depend on the lamp.
 #[derive(Clone, Copy)]
 pub(super) struct Facet<S: Simd> {
-    normal: [f32x8<S>; 3],
+    normal: [f32x16<S>; 3],
     /// Unit vectors to the camera.
-    to_camera: [f32x8<S>; 3],
-    n_dot_v: f32x8<S>,
+    to_camera: [f32x16<S>; 3],
+    n_dot_v: f32x16<S>,
     /// α², α = roughness².
-    alpha2: f32x8<S>,
+    alpha2: f32x16<S>,
     /// Karis' k = (roughness + 1)² / 8.
-    k: f32x8<S>,
-    /// α² / (4 (n·v (1 − k) + k)).
-    peak: f32x8<S>,
+    k: f32x16<S>,
+    /// n·v (1 − k) + k.
+    masking: f32x16<S>,
 }
 
 impl<S: Simd> Facet<S> {
-    /// Of the eight pixels from `start`.
+    /// Of the block of pixels from `start`.
     #[inline(always)]
     pub(super) fn new(simd: S, row: &SurfaceRow<'_>, start: usize) -> Self {
         let (rx, ry) = (block(simd, row.ray_x, start), block(simd, row.ray_y, start));
         let per_length = rx.mul_add(rx, ry.mul_add(ry, 1.0)).sqrt();
-        let per_length = f32x8::splat(simd, -1.0) / per_length;
+        let per_length = f32x16::splat(simd, -1.0) / per_length;
         let (vx, vy, vz) = (rx * per_length, ry * per_length, per_length);
         let nx = block(simd, row.normal[0], start);
         let ny = block(simd, row.normal[1], start);
@@ -87,38 +87,40 @@ impl<S: Simd> Facet<S> {
         let rough_one = roughness + 1.0;
         let k = rough_one * rough_one * 0.125;
         let alpha2 = alpha * alpha;
-        let masking = n_dot_v.mul_add(f32x8::splat(simd, 1.0) - k, k);
-        let peak = alpha2 * 0.25 / masking;
+        let masking = n_dot_v.mul_add(f32x16::splat(simd, 1.0) - k, k);
         Self {
             normal: [nx, ny, nz],
             to_camera: [vx, vy, vz],
             n_dot_v,
             alpha2,
             k,
-            peak,
+            masking,
         }
     }
 
     /// `[n·l, π f n·l]` under a lamp in direction `toward`, both zero where it is turned away.
     #[inline(always)]
-    pub(super) fn lobes(&self, simd: S, [lx, ly, lz]: [f32; 3]) -> [f32x8<S>; 2] {
-        let one = f32x8::splat(simd, 1.0);
+    pub(super) fn lobes(&self, simd: S, [lx, ly, lz]: [f32; 3]) -> [f32x16<S>; 2] {
+        let one = f32x16::splat(simd, 1.0);
         let ([nx, ny, nz], [vx, vy, vz]) = (self.normal, self.to_camera);
         let n_dot_l = nx.mul_add(lx, ny.mul_add(ly, nz * lz));
         let l_dot_v = vx.mul_add(lx, vy.mul_add(ly, vz * lz));
-        let opening = l_dot_v + 1.0;
-        let per_half = one / (opening * 2.0).max(1e-8).sqrt();
-        let n_dot_h = ((n_dot_l + self.n_dot_v) * per_half).max(0.0).min(1.0);
-        let v_dot_h = (opening * per_half).max(0.0).min(1.0);
+        // h is the half vector: |l + v|² = 2 (1 + l·v), n·h = (n·l + n·v) / |l + v|.
+        let length2 = (l_dot_v * 2.0 + 2.0).max(0.0);
+        let v_dot_h = length2.sqrt() * 0.5;
+        let sum = n_dot_l + self.n_dot_v;
+        let sum2 = sum * sum;
         let lit = n_dot_l.max(0.0);
-        // (n·h)²(α² − 1) + 1 without the cancellation near the peak of a narrow lobe.
-        let spread = (n_dot_h * n_dot_h).mul_add(self.alpha2, (one - n_dot_h) * (one + n_dot_h));
+        // |l + v|² ((n·h)² (α² − 1) + 1)
+        let spread = sum2.mul_add(self.alpha2, (length2 - sum2).max(0.0));
         let exponent = v_dot_h.mul_add(-5.55473, -6.98316) * v_dot_h;
         let fresnel = exp2(exponent).mul_add(1.0 - F0, F0);
-        // π D F G / (4 n·v): n·l of the cosine cancels against the denominator's.
-        let masking = lit.mul_add(one - self.k, self.k);
-        let denominator = (spread * spread * masking).max(1e-12);
-        let specular = self.peak * fresnel * lit / denominator;
+        // π D F G / (4 n·v), one division for all: n·l of the cosine cancels against the
+        // denominator's.
+        let masking = lit.mul_add(one - self.k, self.k) * self.masking;
+        let denominator = (spread * spread * masking).max(1e-30);
+        let peak = self.alpha2 * 0.25 * length2 * length2;
+        let specular = peak * fresnel * lit / denominator;
         [lit, specular]
     }
 }
@@ -137,25 +139,21 @@ pub fn shade_row(
     dispatch!(Level::new(), simd => shade_blocks(simd, surface, lamp, visibility, out));
 }
 
-/// Eight samples from `start`, or fewer at the end of a row.
+/// [`LANES`] samples from `start`, or fewer at the end of a row.
 #[inline(always)]
-pub(super) fn block<S: Simd>(simd: S, row: &[f32], start: usize) -> f32x8<S> {
+pub(super) fn block<S: Simd>(simd: S, row: &[f32], start: usize) -> f32x16<S> {
     if let Some(whole) = row.get(start..start + LANES) {
-        return f32x8::from_slice(simd, whole);
+        return f32x16::from_slice(simd, whole);
     }
     let mut lanes = [0.0; LANES];
     lanes[..row.len() - start].copy_from_slice(&row[start..]);
-    f32x8::load_array(simd, lanes)
+    f32x16::load_array(simd, lanes)
 }
 
-/// Stores up to eight pixels, one vector per channel.
+/// Stores the pixels of a block, or as many as `out` has room for, one vector per channel.
 #[inline(always)]
-pub(super) fn store<S: Simd>(channels: &[f32x8<S>; 3], out: &mut [[f32; 3]]) {
-    let mut lanes = [[0.0f32; LANES]; 3];
-    channels[0].store_slice(&mut lanes[0]);
-    channels[1].store_slice(&mut lanes[1]);
-    channels[2].store_slice(&mut lanes[2]);
-    let [red, green, blue] = &lanes;
+pub(super) fn store<S: Simd>(channels: &[f32x16<S>; 3], out: &mut [[f32; 3]]) {
+    let [red, green, blue] = channels.each_ref().map(SimdBase::as_slice);
     for (((pixel, red), green), blue) in out.iter_mut().zip(red).zip(green).zip(blue) {
         *pixel = [*red, *green, *blue];
     }
@@ -169,7 +167,7 @@ fn shade_blocks<S: Simd>(
     visibility: &mut [f32],
     out: &mut [[f32; 3]],
 ) {
-    let zero = f32x8::splat(simd, 0.0);
+    let zero = f32x16::splat(simd, 0.0);
     for start in (0..out.len()).step_by(LANES) {
         let end = (start + LANES).min(out.len());
         let facet = Facet::new(simd, surface, start);
@@ -183,7 +181,7 @@ fn shade_blocks<S: Simd>(
             let albedo = block(simd, surface.albedo[c], start);
             *channel = albedo.mul_add(diffuse, shine * lamp.color[c]);
         }
-        store(&channels, &mut out[start..end]);
+        store(&channels, &mut out[start..]);
         let shadow = lit.simd_gt(0.0).select(seen, zero);
         // Unknown albedo makes the sum unknown: zero times it is NaN again.
         let shadow = block(simd, surface.albedo[0], start).mul_add(zero, shadow);
@@ -257,7 +255,7 @@ mod tests {
     fn powers_of_two_are_right_to_five_digits() {
         for step in 0..2000 {
             let x = -13.0 + step as f32 * 0.0075;
-            let found = dispatch!(Level::new(), simd => exp2(f32x8::splat(simd, x)).as_slice()[0]);
+            let found = dispatch!(Level::new(), simd => exp2(f32x16::splat(simd, x)).as_slice()[0]);
             assert!((found / x.exp2() - 1.0).abs() < 5e-6, "2^{x}");
         }
     }

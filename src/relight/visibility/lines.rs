@@ -3,12 +3,48 @@
 //! Each fan holds the lines that advance one pixel per step along one axis (the *major* axis);
 //! neighbouring lines are one pixel apart at the far end of the fan. A pixel belongs to the fan
 //! whose direction it lies in, and takes its answer from the line that passes nearest.
+//!
+//! Toward the vanishing point lines crowd. So every other line is asked only where lines lie more
+//! than half a pixel apart, and half of the rest only where they lie more than a quarter apart.
 
 use drivers::Intrinsics;
 use glam::Vec3;
 
 /// Lines walked side by side.
-pub const LANES: usize = 8;
+pub const LANES: usize = 16;
+
+/// Neighbouring lines whose answers are kept together.
+pub const BAND: usize = 64;
+
+/// Lines of a band that are walked together: they are asked over the same stretch.
+#[derive(Debug, Clone, Copy)]
+pub struct Strand {
+    /// First line, counted within the band.
+    pub first: usize,
+    /// From one lane's line to the next one's.
+    pub stride: usize,
+    /// Asked where [`Fan::crowding`] is at most this.
+    crowding: u32,
+}
+
+/// The strands of a band: each of its lines is in one of them.
+pub const STRANDS: [Strand; BAND / LANES] = [
+    strand(1, 2, 0),
+    strand(33, 2, 0),
+    strand(2, 4, 1),
+    strand(0, 4, MOST_CROWDING),
+];
+
+const fn strand(first: usize, stride: usize, crowding: u32) -> Strand {
+    Strand {
+        first,
+        stride,
+        crowding,
+    }
+}
+
+/// Where lines crowd most, one of 2 to this power is asked.
+const MOST_CROWDING: u32 = 2;
 
 /// One of the four fans, in (major, minor) coordinates: (y, x) for the fans above and below the
 /// vanishing point, (x, y) for those left and right of it.
@@ -56,9 +92,30 @@ impl Fan {
         )
     }
 
-    /// Number of blocks of [`LANES`] lines.
-    pub fn blocks(&self) -> usize {
-        self.lines.div_ceil(LANES)
+    /// Number of bands of [`BAND`] lines.
+    pub fn bands(&self) -> usize {
+        self.lines.div_ceil(BAND)
+    }
+
+    /// At major coordinate m only every 2^crowding-th line is asked.
+    pub fn crowding(&self, major: usize) -> u32 {
+        let apart = ((major as f64 - self.vanishing[0]) * self.slope_step).abs();
+        u32::from(apart <= 0.5) + u32::from(apart <= 0.25)
+    }
+
+    /// Major coordinates, first and last, outside which a strand is never asked.
+    pub fn asked(&self, strand: Strand) -> (usize, usize) {
+        if strand.crowding == MOST_CROWDING {
+            return (self.from, self.to);
+        }
+        let apart = 0.5f64.powi(strand.crowding as i32 + 1) / self.slope_step;
+        if self.grows_outward {
+            let first = (self.vanishing[0] + apart).floor() as usize;
+            (first.clamp(self.from, self.to), self.to)
+        } else {
+            let last = (self.vanishing[0] - apart).ceil() as usize;
+            (self.from, last.clamp(self.from, self.to))
+        }
     }
 
     /// Major steps of the fan.

@@ -26,7 +26,7 @@ pub const DIRECTIONS: usize = AZIMUTHS * RINGS;
 pub const LEAST_COSINE: f32 = -0.342;
 
 /// The map is computed on a grid of at most this many pixels.
-const MAP_PIXELS: usize = 131_072;
+const MAP_PIXELS: usize = 32_768;
 
 /// Unit vector of direction `index` in camera axes: the middle of its cell.
 pub fn direction(index: usize) -> Vec3 {
@@ -72,13 +72,15 @@ impl VisibilityMap {
             .into_par_iter()
             .map(|ring| {
                 let mut words = vec![0u32; small_width * small_height];
+                let mut row = vec![0u8; small_width];
                 for azimuth in 0..AZIMUTHS {
                     let swept = sweep(&small, direction(ring * AZIMUTHS + azimuth));
                     let answers = Answers::new(&swept, small_width);
                     for (y, words) in words.chunks_mut(small_width.max(1)).enumerate() {
-                        answers.each(y, |x, answer| {
-                            words[x] |= u32::from(answer & LIT > LIT / 2) << azimuth;
-                        });
+                        answers.part(y, 0, &mut row);
+                        for (word, answer) in words.iter_mut().zip(&row) {
+                            *word |= u32::from(answer & LIT > LIT / 2) << azimuth;
+                        }
                     }
                 }
                 words

@@ -1,35 +1,59 @@
 //! The depth map as slabs, packed for sweeping along rows and along columns.
 
 use drivers::{Intrinsics, Plane};
+use rayon::prelude::*;
 
-/// One pixel's slab: inverse depth, and thickness with sigma as two bfloat16.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(super) struct Slab {
-    /// 1 / z in 1/m; 0 = unknown (no slab, no answer).
-    pub inverse_depth: f32,
-    /// Upper half: thickness in metres of z; lower half: sigma of z in metres.
-    pub thickness_sigma: u32,
+/// One pixel's slab: 1 / z in 1/m as the bits of a float (0 = unknown: no slab, no answer), then
+/// thickness (upper half) and sigma (lower half), both in metres of z, as two bfloat16.
+type Slab = [u32; 2];
+
+fn slab(metres: f32, thickness_metres: f32, sigma_metres: f32) -> Slab {
+    if !(metres.is_finite() && metres > 0.0) {
+        return [0; 2];
+    }
+    let thickness = if thickness_metres > 0.0 {
+        thickness_metres.min(1e6)
+    } else {
+        0.0
+    };
+    let sigma = if sigma_metres > 0.0 {
+        sigma_metres.min(1e3)
+    } else {
+        0.0
+    };
+    [
+        (1.0 / metres).to_bits(),
+        thickness.to_bits() & 0xffff_0000 | sigma.to_bits() >> 16,
+    ]
 }
 
-impl Slab {
-    fn new(metres: f32, thickness_metres: f32, sigma_metres: f32) -> Self {
-        if !(metres.is_finite() && metres > 0.0) {
-            return Self::default();
-        }
-        let thickness = if thickness_metres > 0.0 {
-            thickness_metres.min(1e6)
-        } else {
-            0.0
-        };
-        let sigma = if sigma_metres > 0.0 {
-            sigma_metres.min(1e3)
-        } else {
-            0.0
-        };
-        Self {
-            inverse_depth: 1.0 / metres,
-            thickness_sigma: thickness.to_bits() & 0xffff_0000 | sigma.to_bits() >> 16,
-        }
+/// Slabs line by line; one more stands behind the last, so that each can be read with the next.
+#[derive(Debug, Clone)]
+pub(super) struct Slabs {
+    /// Slabs of a line.
+    pub length: usize,
+    samples: Vec<Slab>,
+}
+
+impl Slabs {
+    fn new(length: usize, lines: usize, slab: impl Fn(usize, usize) -> Slab + Sync) -> Self {
+        let mut samples = vec![[0; 2]; length * lines + 1];
+        samples[..length * lines]
+            .par_chunks_mut(length.max(1))
+            .enumerate()
+            .for_each(|(line, samples)| {
+                for (at, sample) in samples.iter_mut().enumerate() {
+                    *sample = slab(at, line);
+                }
+            });
+        Self { length, samples }
+    }
+
+    /// The words of a line's slabs and of one slab more.
+    #[inline(always)]
+    pub fn line(&self, line: usize) -> &[u32] {
+        let start = line * self.length;
+        self.samples[start..=start + self.length].as_flattened()
     }
 }
 
@@ -37,9 +61,8 @@ impl Slab {
 #[derive(Debug, Clone)]
 pub struct Occluders {
     pub(super) camera: Intrinsics,
-    pub(super) by_row: Plane<Slab>,
-    /// Transposed: `by_column[(y, x)]` is the pixel (x, y).
-    pub(super) by_column: Plane<Slab>,
+    pub(super) by_row: Slabs,
+    pub(super) by_column: Slabs,
     /// Depth under which almost nothing lies (second percentile), metres: a path to the lamp
     /// that leaves the frame nearer than this can hardly meet anything.
     pub(super) near_metres: f32,
@@ -61,7 +84,7 @@ impl Occluders {
         assert_eq!(metres.size(), sigma_metres.size());
         let (width, height) = metres.size();
         let slab = |x: usize, y: usize| {
-            Slab::new(
+            slab(
                 metres[(x, y)],
                 thickness_metres[(x, y)],
                 sigma_metres[(x, y)],
@@ -82,20 +105,20 @@ impl Occluders {
         };
         Self {
             camera,
-            by_row: Plane::from_fn(width, height, slab),
-            by_column: Plane::from_fn(height, width, |y, x| slab(x, y)),
+            by_row: Slabs::new(width, height, slab),
+            by_column: Slabs::new(height, width, |y, x| slab(x, y)),
             near_metres,
         }
     }
 
     /// `(width, height)` in pixels.
     pub fn size(&self) -> (usize, usize) {
-        self.by_row.size()
+        (self.camera.width, self.camera.height)
     }
 
     /// Depth at a pixel in metres; +∞ where it is unknown.
     pub(super) fn metres(&self, x: usize, y: usize) -> f32 {
-        1.0 / self.by_row[(x, y)].inverse_depth
+        1.0 / f32::from_bits(self.by_row.line(y)[2 * x])
     }
 
     /// The same slabs on a grid `factor` times as coarse, each taken from the middle pixel of its
@@ -107,7 +130,8 @@ impl Occluders {
         let middle = (factor - 1) / 2;
         let slab = |x: usize, y: usize| {
             let (x, y) = (factor * x + middle, factor * y + middle);
-            self.by_row[(x.min(width - 1), y.min(height - 1))]
+            let (x, y) = (x.min(width - 1), y.min(height - 1));
+            [0, 1].map(|word| self.by_row.line(y)[2 * x + word])
         };
         let mut camera = self.camera;
         (camera.width, camera.height) = (small_width, small_height);
@@ -118,8 +142,8 @@ impl Occluders {
         camera.cy = (camera.cy - middle as f64) * scale;
         Self {
             camera,
-            by_row: Plane::from_fn(small_width, small_height, slab),
-            by_column: Plane::from_fn(small_height, small_width, |y, x| slab(x, y)),
+            by_row: Slabs::new(small_width, small_height, slab),
+            by_column: Slabs::new(small_height, small_width, |y, x| slab(x, y)),
             near_metres: self.near_metres,
         }
     }

@@ -1,16 +1,16 @@
 //! One light, one pass: the union of blocked intervals carried along every line.
 
 use super::{
-    lines::{Fan, Fans, LANES, fans},
-    occluders::{Occluders, Slab},
+    lines::{BAND, Fan, Fans, LANES, STRANDS, Strand, fans},
+    occluders::{Occluders, Slabs},
 };
-use fearless_simd::{Level, Simd, dispatch, f32x8, i32x8, prelude::*, u32x8};
+use fearless_simd::{Level, Simd, dispatch, f32x16, i32x16, prelude::*, u32x4, u32x16};
 use glam::Vec3;
 use rayon::prelude::*;
 
 /// Disjoint blocked intervals remembered per line; when more would be needed the one met first
 /// (nearest to the lamp) is forgotten. Scenes of the test set need three.
-const SLOTS: usize = 4;
+const SLOTS: usize = 3;
 
 /// Set in an answer when the path to the lamp leaves the frame inside the scene's depth range.
 pub(super) const UNSEEN: u8 = 0x80;
@@ -28,7 +28,7 @@ const SIGMAS: f32 = 1.5;
 #[derive(Debug)]
 pub struct Swept {
     pub(super) fans: Fans,
-    /// Per fan: `[block][step][lane]`, seven bits of visibility and [`UNSEEN`].
+    /// Per fan: `[band][step][line]`, seven bits of visibility and [`UNSEEN`].
     pub(super) answers: Vec<Vec<u8>>,
 }
 
@@ -41,16 +41,20 @@ pub fn sweep(occluders: &Occluders, toward: Vec3) -> Swept {
         .fans
         .iter()
         .map(|fan| {
-            let block = fan.steps() * LANES;
-            let mut answers = vec![0u8; block * fan.blocks()];
+            let band = fan.steps() * BAND;
+            let mut answers = vec![0u8; band * fan.bands()];
             let level = Level::new();
             answers
-                .par_chunks_mut(block)
-                .with_min_len(4)
+                .par_chunks_mut(band)
                 .enumerate()
                 .for_each(|(index, out)| {
-                    let walk = Walk::new(occluders, fan, fans.lamp_side_outward, toward, index);
-                    dispatch!(level, simd => walk.run(simd, out));
+                    for strand in STRANDS {
+                        if index * BAND + strand.first < fan.lines {
+                            let outward = fans.lamp_side_outward;
+                            let walk = Walk::new(occluders, fan, outward, toward, index, strand);
+                            dispatch!(level, simd => walk.run(simd, out));
+                        }
+                    }
                 });
             answers
         })
@@ -60,12 +64,13 @@ pub fn sweep(occluders: &Occluders, toward: Vec3) -> Swept {
 
 type Lanes = [f32; LANES];
 
-/// Eight neighbouring lines on their way from the lamp's side to the other.
+/// Sixteen lines of a band on their way from the lamp's side to the other.
 struct Walk<'a> {
-    slabs: &'a [Slab],
-    /// Samples per step of the major axis.
-    stride: usize,
+    slabs: &'a Slabs,
     fan: &'a Fan,
+    strand: Strand,
+    /// Major coordinates that are asked for, and those to be passed before.
+    stretch: (usize, usize),
     /// The lamp's side is at the large major coordinates.
     downward: bool,
     start: Lanes,
@@ -86,18 +91,25 @@ impl<'a> Walk<'a> {
         fan: &'a Fan,
         lamp_side_outward: bool,
         toward: Vec3,
-        block: usize,
+        band: usize,
+        strand: Strand,
     ) -> Self {
         let camera = &occluders.camera;
-        let plane = if fan.along_x {
+        let slabs = if fan.along_x {
             &occluders.by_column
         } else {
             &occluders.by_row
         };
         let mut walk = Self {
-            slabs: plane.samples(),
-            stride: plane.width(),
+            slabs,
             fan,
+            strand,
+            // Lines that come from the vanishing point pass the crowd first.
+            stretch: if lamp_side_outward {
+                fan.asked(strand)
+            } else {
+                (fan.from, fan.to)
+            },
             downward: lamp_side_outward == fan.grows_outward,
             start: [0.0; LANES],
             slope: [0.0; LANES],
@@ -121,7 +133,7 @@ impl<'a> Walk<'a> {
             ray.cross(toward.as_dvec3()).length()
         };
         for lane in 0..LANES {
-            let (start, slope) = fan.line(block * LANES + lane);
+            let (start, slope) = fan.line(band * BAND + strand.first + lane * strand.stride);
             walk.start[lane] = start;
             walk.slope[lane] = slope;
             let at =
@@ -136,7 +148,7 @@ impl<'a> Walk<'a> {
 
     /// Steps at which any lane is inside the frame, as a range of major coordinates.
     fn inside(&self) -> (usize, usize) {
-        let last = (self.stride - 1) as f32;
+        let last = (self.slabs.length - 1) as f32;
         let (mut from, mut to) = (self.fan.to as f32, self.fan.from as f32);
         for (start, slope) in self.start.iter().zip(self.slope) {
             let (a, b) = ((-0.5 - start) / slope, (last + 0.5 - start) / slope);
@@ -149,8 +161,9 @@ impl<'a> Walk<'a> {
             from = from.min(first);
             to = to.max(end);
         }
-        let from = (from.floor().max(0.0) as usize).max(self.fan.from);
-        (from, (to.ceil().max(0.0) as usize).min(self.fan.to))
+        let (first, last) = self.stretch;
+        let from = (from.floor().max(0.0) as usize).max(first);
+        (from, (to.ceil().max(0.0) as usize).min(last))
     }
 
     #[inline(always)]
@@ -159,20 +172,20 @@ impl<'a> Walk<'a> {
         if first > end {
             return;
         }
-        let start = f32x8::load_array_ref(simd, &self.start);
-        let slope = f32x8::load_array_ref(simd, &self.slope);
-        let axis_start = f32x8::load_array_ref(simd, &self.axis_start);
-        let axis_slope = f32x8::load_array_ref(simd, &self.axis_slope);
+        let start = f32x16::load_array_ref(simd, &self.start);
+        let slope = f32x16::load_array_ref(simd, &self.slope);
+        let axis_start = f32x16::load_array_ref(simd, &self.axis_start);
+        let axis_slope = f32x16::load_array_ref(simd, &self.axis_slope);
         let half_step = axis_slope.abs() * 0.5;
         let (zero, one, infinity) = (
-            f32x8::splat(simd, 0.0),
-            f32x8::splat(simd, 1.0),
-            f32x8::splat(simd, f32::INFINITY),
+            f32x16::splat(simd, 0.0),
+            f32x16::splat(simd, 1.0),
+            f32x16::splat(simd, f32::INFINITY),
         );
-        let empty = f32x8::splat(simd, f32::NEG_INFINITY);
-        let last = f32x8::splat(simd, (self.stride - 1) as f32);
-        let edge = f32x8::splat(simd, self.edge);
-        let unseen_under = f32x8::splat(
+        let empty = f32x16::splat(simd, f32::NEG_INFINITY);
+        let last = f32x16::splat(simd, (self.slabs.length - 1) as f32);
+        let edge = f32x16::splat(simd, self.edge);
+        let unseen_under = f32x16::splat(
             simd,
             if self.leaves_frame {
                 self.near_metres
@@ -193,72 +206,62 @@ impl<'a> Walk<'a> {
                 first + step
             };
             let m = major as f32;
-            let minor = slope.mul_add(f32x8::splat(simd, m), start);
+            let minor = slope.mul_add(f32x16::splat(simd, m), start);
             let inside = minor.simd_ge(-0.5) & minor.simd_le(last + 0.5);
             let at = minor.max(zero).min(last);
-            let index: i32x8<S> = at.to_int();
+            let index: i32x16<S> = at.to_int();
             let fraction = at - at.floor();
-            let indices = index.as_slice();
-            let row = &self.slabs[major * self.stride..(major + 1) * self.stride];
-            let mut q0 = [0.0f32; LANES];
-            let mut q1 = [0.0f32; LANES];
-            let mut packed = [[0u32; LANES]; 2];
-            for l in 0..LANES {
-                let index = (indices[l] as usize).min(row.len() - 1);
-                let (a, b) = (row[index], row[(index + 1).min(row.len() - 1)]);
-                (q0[l], q1[l]) = (a.inverse_depth, b.inverse_depth);
-                (packed[0][l], packed[1][l]) = (a.thickness_sigma, b.thickness_sigma);
-            }
-            let (q0, q1) = (f32x8::load_array(simd, q0), f32x8::load_array(simd, q1));
-            let [packed0, packed1] = packed;
-            let packed0 = u32x8::load_array(simd, packed0);
-            let packed1 = u32x8::load_array(simd, packed1);
+            let words = self.slabs.line(major);
+            let [q0, packed0, q1, packed1] = pairs(simd, words, index.as_slice());
+            let q0: f32x16<S> = q0.bitcast();
+            let q1: f32x16<S> = q1.bitcast();
             let first_nearer = fraction.simd_lt(0.5);
             let packed = first_nearer.select(packed0, packed1);
             let nearest = first_nearer.select(q0, q1);
-            let thickness: f32x8<S> = (packed & 0xffff_0000).bitcast();
-            let sigma: f32x8<S> = (packed << 16).bitcast();
+            let thickness: f32x16<S> = (packed & 0xffff_0000).bitcast();
+            let sigma: f32x16<S> = (packed << 16).bitcast();
             let relative_sigma = sigma * nearest;
-            let jump = relative_sigma.mul_add(f32x8::splat(simd, 2.0), edge) * nearest;
+            let jump = relative_sigma.mul_add(f32x16::splat(simd, 2.0), edge) * nearest;
             let one_surface = (q0 - q1).abs().simd_lt(jump);
             let q = one_surface.select(fraction.mul_add(q1 - q0, q0), nearest);
             let z = one / q;
             let known = inside & q.simd_gt(0.0);
             let axis = axis_slope
-                .mul_add(f32x8::splat(simd, m), axis_start)
+                .mul_add(f32x16::splat(simd, m), axis_start)
                 .max(zero);
             let v = axis * z;
             per_entry = (inside & per_entry.simd_eq(0.0)).select(one / axis, per_entry);
 
             // Compare against what has been passed.
             let softness = (axis * sigma).mul_add(
-                f32x8::splat(simd, SIGMAS * std::f32::consts::SQRT_2),
+                f32x16::splat(simd, SIGMAS * std::f32::consts::SQRT_2),
                 half_step * z,
             );
-            let per_softness = f32x8::splat(simd, 0.5) / softness.max(f32x8::splat(simd, 1e-12));
+            let per_softness = f32x16::splat(simd, 0.5) / softness.max(f32x16::splat(simd, 1e-12));
             let mut blocked = zero;
             for k in 0..SLOTS {
                 let under = ((v - lo[k]) * per_softness).max(zero).min(one);
                 let over = (hi[k] - v)
-                    .mul_add(per_softness, f32x8::splat(simd, 0.5))
+                    .mul_add(per_softness, f32x16::splat(simd, 0.5))
                     .max(zero)
                     .min(one);
                 blocked = blocked.max(under * over);
             }
             let lit =
-                (one - blocked).mul_add(f32x8::splat(simd, LIT as f32), f32x8::splat(simd, 0.5));
+                (one - blocked).mul_add(f32x16::splat(simd, LIT as f32), f32x16::splat(simd, 0.5));
             let unseen = (v * per_entry).simd_gt(unseen_under);
-            let answer: i32x8<S> = unseen.select(lit + f32::from(UNSEEN), lit).to_int();
-            let offset = (major - self.fan.from) * LANES;
-            for (out, answer) in out[offset..offset + LANES]
+            let answer: i32x16<S> = unseen.select(lit + f32::from(UNSEEN), lit).to_int();
+            let offset = (major - self.fan.from) * BAND;
+            for (out, answer) in out[offset..offset + BAND][self.strand.first..]
                 .iter_mut()
+                .step_by(self.strand.stride)
                 .zip(answer.as_slice())
             {
                 *out = *answer as u8;
             }
 
             // Add this sample's slab, reaching to its neighbour on the same surface.
-            let reach = relative_sigma.mul_add(f32x8::splat(simd, 2.0), edge * 2.0) * z;
+            let reach = relative_sigma.mul_add(f32x16::splat(simd, 2.0), edge * 2.0) * z;
             let joined = (z - previous_z).abs().simd_lt(reach);
             let back = axis * (z + thickness);
             let a = joined.select(v.min(previous_v), v);
@@ -285,4 +288,29 @@ impl<'a> Walk<'a> {
             }
         }
     }
+}
+
+/// Words of the slabs at 16 places of a line, each followed by those of the next slab.
+#[inline(always)]
+fn pairs<S: Simd>(simd: S, words: &[u32], places: &[i32]) -> [u32x16<S>; 4] {
+    let (inverse_depths, packed) =
+        four_pairs(simd, words, &places[..4]).deinterleave(four_pairs(simd, words, &places[4..8]));
+    let (more_inverse_depths, more_packed) = four_pairs(simd, words, &places[8..12])
+        .deinterleave(four_pairs(simd, words, &places[12..16]));
+    let (q0, q1) = inverse_depths.deinterleave(more_inverse_depths);
+    let (packed0, packed1) = packed.deinterleave(more_packed);
+    [q0, packed0, q1, packed1]
+}
+
+#[inline(always)]
+fn four_pairs<S: Simd>(simd: S, words: &[u32], places: &[i32]) -> u32x16<S> {
+    let low = pair(simd, words, places[0]).combine(pair(simd, words, places[1]));
+    let high = pair(simd, words, places[2]).combine(pair(simd, words, places[3]));
+    low.combine(high)
+}
+
+#[inline(always)]
+fn pair<S: Simd>(simd: S, words: &[u32], place: i32) -> u32x4<S> {
+    let start = (2 * place as usize).min(words.len() - 4);
+    u32x4::from_slice(simd, &words[start..start + 4])
 }
