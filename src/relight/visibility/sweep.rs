@@ -4,7 +4,7 @@ use super::{
     lines::{BAND, Fan, Fans, LANES, STRANDS, Strand, fans},
     occluders::{Occluders, Slabs},
 };
-use fearless_simd::{Level, Simd, dispatch, f32x16, i32x16, prelude::*, u32x4, u32x16};
+use fearless_simd::{Level, Simd, dispatch, f32x16, i32x16, mask32x16, prelude::*, u32x4, u32x16};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -167,13 +167,30 @@ impl<'a> Walk<'a> {
     }
 
     #[inline(always)]
+    fn meet<S: Simd>(&self, simd: S, major: usize) -> Met<S> {
+        let start = f32x16::load_array_ref(simd, &self.start);
+        let slope = f32x16::load_array_ref(simd, &self.slope);
+        let last = (self.slabs.length - 1) as f32;
+        let minor = slope.mul_add(major as f32, start);
+        let at = minor.max(0.0).min(last);
+        let places: i32x16<S> = at.to_int();
+        let [q0, packed0, q1, packed1] = pairs(simd, self.slabs.line(major), places.as_slice());
+        Met {
+            inside: minor.simd_ge(-0.5) & minor.simd_le(last + 0.5),
+            fraction: at - at.floor(),
+            q0: q0.bitcast(),
+            q1: q1.bitcast(),
+            packed0,
+            packed1,
+        }
+    }
+
+    #[inline(always)]
     fn run<S: Simd>(&self, simd: S, out: &mut [u8]) {
         let (first, end) = self.inside();
         if first > end {
             return;
         }
-        let start = f32x16::load_array_ref(simd, &self.start);
-        let slope = f32x16::load_array_ref(simd, &self.slope);
         let axis_start = f32x16::load_array_ref(simd, &self.axis_start);
         let axis_slope = f32x16::load_array_ref(simd, &self.axis_slope);
         let half_step = axis_slope.abs() * 0.5;
@@ -183,7 +200,6 @@ impl<'a> Walk<'a> {
             f32x16::splat(simd, f32::INFINITY),
         );
         let empty = f32x16::splat(simd, f32::NEG_INFINITY);
-        let last = f32x16::splat(simd, (self.slabs.length - 1) as f32);
         let edge = f32x16::splat(simd, self.edge);
         let unseen_under = f32x16::splat(
             simd,
@@ -197,24 +213,32 @@ impl<'a> Walk<'a> {
         let mut hi = [empty; SLOTS];
         let mut previous_v = zero;
         let mut previous_z = infinity;
-        // 1 / |r × L| where the line entered the frame: what lies further out was not seen.
-        let mut per_entry = zero;
+        // |r × L| where the line entered the frame: what lies further out was not seen.
+        let mut entry = zero;
+        let mut met = self.meet(simd, if self.downward { end } else { first });
         for step in 0..=end - first {
             let major = if self.downward {
                 end - step
             } else {
                 first + step
             };
-            let m = major as f32;
-            let minor = slope.mul_add(f32x16::splat(simd, m), start);
-            let inside = minor.simd_ge(-0.5) & minor.simd_le(last + 0.5);
-            let at = minor.max(zero).min(last);
-            let index: i32x16<S> = at.to_int();
-            let fraction = at - at.floor();
-            let words = self.slabs.line(major);
-            let [q0, packed0, q1, packed1] = pairs(simd, words, index.as_slice());
-            let q0: f32x16<S> = q0.bitcast();
-            let q1: f32x16<S> = q1.bitcast();
+            let Met {
+                inside,
+                fraction,
+                q0,
+                q1,
+                packed0,
+                packed1,
+            } = met;
+            // The slabs of the next step are on their way while this one is worked on.
+            met = self.meet(
+                simd,
+                if self.downward {
+                    major.max(first + 1) - 1
+                } else {
+                    (major + 1).min(end)
+                },
+            );
             let first_nearer = fraction.simd_lt(0.5);
             let packed = first_nearer.select(packed0, packed1);
             let nearest = first_nearer.select(q0, q1);
@@ -227,10 +251,10 @@ impl<'a> Walk<'a> {
             let z = one / q;
             let known = inside & q.simd_gt(0.0);
             let axis = axis_slope
-                .mul_add(f32x16::splat(simd, m), axis_start)
+                .mul_add(f32x16::splat(simd, major as f32), axis_start)
                 .max(zero);
             let v = axis * z;
-            per_entry = (inside & per_entry.simd_eq(0.0)).select(one / axis, per_entry);
+            entry = (inside & entry.simd_eq(0.0)).select(axis, entry);
 
             // Compare against what has been passed.
             let softness = (axis * sigma).mul_add(
@@ -249,7 +273,7 @@ impl<'a> Walk<'a> {
             }
             let lit =
                 (one - blocked).mul_add(f32x16::splat(simd, LIT as f32), f32x16::splat(simd, 0.5));
-            let unseen = (v * per_entry).simd_gt(unseen_under);
+            let unseen = v.simd_gt(entry * unseen_under);
             let answer: i32x16<S> = unseen.select(lit + f32::from(UNSEEN), lit).to_int();
             let offset = (major - self.fan.from) * BAND;
             for (out, answer) in out[offset..offset + BAND][self.strand.first..]
@@ -288,6 +312,16 @@ impl<'a> Walk<'a> {
             }
         }
     }
+}
+
+/// What a strand's lines find at one step: the slabs on either side of each.
+struct Met<S: Simd> {
+    inside: mask32x16<S>,
+    fraction: f32x16<S>,
+    q0: f32x16<S>,
+    q1: f32x16<S>,
+    packed0: u32x16<S>,
+    packed1: u32x16<S>,
 }
 
 /// Words of the slabs at 16 places of a line, each followed by those of the next slab.
