@@ -11,16 +11,27 @@ mod sweep;
 
 use super::RegisteredDepth;
 use super::guide::Guide;
+use fearless_simd::{Level, dispatch};
 use gap::Judge;
 use rayon::prelude::*;
-use sweep::{Columns, FAR, Look};
+use sweep::{Columns, FAR, HERE, Look, STRIP};
 
-/// Planes that closing gaps keeps between frames.
+/// Rows that are worth a task.
+const ROWS_PER_TASK: usize = 8;
+
+/// What closing gaps keeps between frames.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Gaps {
-    metres: Vec<f32>,
-    sigma: Vec<f32>,
     columns: Columns,
+    /// Per row, kept apart until every row has looked at the measurements.
+    answers: Vec<Vec<Filled>>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Filled {
+    x: usize,
+    metres: f32,
+    sigma: f32,
 }
 
 impl Gaps {
@@ -28,67 +39,129 @@ impl Gaps {
     /// reach, or beyond the rim of all measurements, stay NaN.
     pub fn close(&mut self, registered: &mut RegisteredDepth, focal_pixels: f32, guide: &Guide) {
         let (width, height) = registered.metres.size();
-        self.metres.clear();
-        self.metres.extend_from_slice(registered.metres.samples());
-        self.sigma.clear();
-        self.sigma
-            .extend_from_slice(registered.sigma_metres.samples());
-        self.columns.sweep(&self.metres, guide, width, height);
-        let judge = Judge::new(width.max(height), focal_pixels, !guide.is_empty());
-        let (from, from_sigma) = (&self.metres, &self.sigma);
-        let columns = &self.columns;
+        let metres = registered.metres.samples();
+        self.columns.sweep(metres, guide, width, height);
+        let rows = Rows {
+            metres,
+            sigma: registered.sigma_metres.samples(),
+            columns: &self.columns,
+            guide,
+            judge: Judge::new(width.max(height), focal_pixels, !guide.is_empty()),
+            width,
+        };
+        self.answers.resize_with(height, Vec::new);
+        self.answers
+            .par_iter_mut()
+            .enumerate()
+            .with_min_len(ROWS_PER_TASK)
+            .for_each_init(Sight::default, |sight, (y, answers)| {
+                answers.clear();
+                if rows.look(y, sight) {
+                    rows.answer(y, sight, answers);
+                }
+            });
         registered
             .metres
             .samples_mut()
             .par_chunks_mut(width)
             .zip(registered.sigma_metres.samples_mut().par_chunks_mut(width))
-            .enumerate()
-            .with_min_len(8)
-            .for_each_init(Vec::new, |right: &mut Vec<Look>, (y, (metres, sigma))| {
-                let row = &from[y * width..(y + 1) * width];
-                if row.iter().all(|z| !z.is_nan()) {
-                    return;
-                }
-                right.resize(width, FAR);
-                let mut look = FAR;
-                for x in (0..width).rev() {
-                    look = look.step(
-                        !row[x].is_nan(),
-                        if x + 1 < width {
-                            guide.across(x + 1, y)
-                        } else {
-                            0
-                        },
-                    );
-                    right[x] = look;
-                }
-                let mut left = FAR;
-                for (x, z) in row.iter().enumerate() {
-                    left = left.step(!z.is_nan(), if x > 0 { guide.across(x, y) } else { 0 });
-                    if !z.is_nan() {
-                        continue;
-                    }
-                    let [up, down] = columns.looks(x, y);
-                    let looks = [left, right[x], up, down];
-                    if !judge.may_answer(looks) {
-                        continue;
-                    }
-                    let here = y * width + x;
-                    let source = |n: usize| {
-                        let distance = usize::from(looks[n].distance());
-                        match n {
-                            0 => here - distance,
-                            1 => here + distance,
-                            2 => here - distance * width,
-                            _ => here + distance * width,
-                        }
-                    };
-                    if let Some([filled, s]) =
-                        judge.answer(looks, |n| [from[source(n)], from_sigma[source(n)]])
-                    {
-                        (metres[x], sigma[x]) = (filled, s);
-                    }
+            .zip(&self.answers)
+            .with_min_len(ROWS_PER_TASK)
+            .for_each(|((metres, sigma), answers)| {
+                for filled in answers {
+                    (metres[filled.x], sigma[filled.x]) = (filled.metres, filled.sigma);
                 }
             });
+    }
+}
+
+/// What the unknown pixels of one row see to their left and right.
+#[derive(Default)]
+struct Sight {
+    left: Vec<Look>,
+    right: Vec<Look>,
+    /// Edge left of each pixel; one more than there are pixels.
+    edges: Vec<u32>,
+}
+
+struct Rows<'a> {
+    metres: &'a [f32],
+    sigma: &'a [f32],
+    columns: &'a Columns,
+    guide: &'a Guide,
+    judge: Judge,
+    width: usize,
+}
+
+impl Rows<'_> {
+    fn row(&self, y: usize) -> &[f32] {
+        &self.metres[y * self.width..][..self.width]
+    }
+
+    /// Strips of a row in which something is unknown, as ranges of columns.
+    fn open(&self, y: usize) -> impl DoubleEndedIterator<Item = std::ops::Range<usize>> {
+        let strips = 0..self.width.div_ceil(STRIP);
+        strips
+            .filter(move |&strip| self.columns.is_open(strip, y))
+            .map(|strip| strip * STRIP..((strip + 1) * STRIP).min(self.width))
+    }
+
+    /// False when nothing is unknown in the row.
+    fn look(&self, y: usize, sight: &mut Sight) -> bool {
+        let (row, width) = (self.row(y), self.width);
+        sight.left.resize(width, FAR);
+        sight.right.resize(width, FAR);
+        sight.edges.resize(width + 1, 0);
+        for strip in self.open(y) {
+            let edges = strip.start.max(1)..(strip.end + 1).min(width);
+            dispatch!(Level::new(), _simd => {
+                self.guide.across(edges.start, y, &mut sight.edges[edges.clone()]);
+            });
+        }
+        let (mut look, mut next) = (FAR, 0);
+        for strip in self.open(y) {
+            // What lies between two open strips is measured.
+            look = if strip.start > next { HERE } else { look };
+            next = strip.end;
+            for x in strip {
+                look = look.step(!row[x].is_nan(), sight.edges[x]);
+                sight.left[x] = look;
+            }
+        }
+        let (mut look, mut next) = (FAR, width);
+        for strip in self.open(y).rev() {
+            look = if strip.end < next { HERE } else { look };
+            next = strip.start;
+            for x in strip.rev() {
+                look = look.step(!row[x].is_nan(), sight.edges[x + 1]);
+                sight.right[x] = look;
+            }
+        }
+        self.open(y).next().is_some()
+    }
+
+    fn answer(&self, y: usize, sight: &Sight, answers: &mut Vec<Filled>) {
+        let (row, width) = (self.row(y), self.width);
+        for x in self.open(y).flatten().filter(|&x| row[x].is_nan()) {
+            let [up, down] = self.columns.looks(x, y);
+            let looks = [sight.left[x], sight.right[x], up, down];
+            if !self.judge.may_answer(looks) {
+                continue;
+            }
+            let here = y * width + x;
+            let source = |n: usize| {
+                let distance = usize::from(looks[n].distance());
+                let at = match n {
+                    0 => here - distance,
+                    1 => here + distance,
+                    2 => here - distance * width,
+                    _ => here + distance * width,
+                };
+                [self.metres[at], self.sigma[at]]
+            };
+            if let Some([metres, sigma]) = self.judge.answer(looks, source) {
+                answers.push(Filled { x, metres, sigma });
+            }
+        }
     }
 }

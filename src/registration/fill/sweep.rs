@@ -1,10 +1,11 @@
 //! The nearest measured pixel in a direction, and the color edges on the way to it.
 
 use crate::registration::guide::Guide;
+use fearless_simd::{Level, dispatch};
 use rayon::prelude::*;
 
-/// Columns that one task owns.
-const STRIP: usize = 64;
+/// Columns that one task owns, and that are passed over together where all is measured.
+pub(super) const STRIP: usize = 64;
 
 /// What a pixel sees in one direction: distance in pixels (high half) and edges crossed (low half).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -13,17 +14,17 @@ pub(super) struct Look(u32);
 /// Nothing measured in this direction.
 pub(super) const FAR: Look = Look(u32::MAX);
 
+/// At a measured pixel.
+pub(super) const HERE: Look = Look(0);
+
 impl Look {
     /// The look of the next pixel away from the measurement, across `edge`.
     #[inline(always)]
-    pub fn step(self, measured: bool, edge: u16) -> Self {
-        let distance = self.distance().saturating_add(1);
-        let edges = self.edges().saturating_add(edge);
-        if measured {
-            Self(0)
-        } else {
-            Self(u32::from(distance) << 16 | u32::from(edges))
-        }
+    pub fn step(self, measured: bool, edge: u32) -> Self {
+        const MOST: u32 = u16::MAX as u32;
+        let distance = ((self.0 >> 16) + 1).min(MOST);
+        let edges = ((self.0 & MOST) + edge).min(MOST);
+        Self(if measured { 0 } else { distance << 16 | edges })
     }
 
     /// Pixels to the measurement; `u16::MAX` = none.
@@ -39,54 +40,105 @@ impl Look {
     }
 }
 
-/// Looks up and down of every pixel, stored strip by strip so that tasks own what they write.
+/// Looks up and down, stored strip by strip so that tasks own what they write.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Columns {
     height: usize,
-    looks: Vec<[Look; 2]>,
+    /// Per strip and row: something is unknown there. Elsewhere the looks are not kept up.
+    open: Vec<bool>,
+    up: Vec<Look>,
+    down: Vec<Look>,
 }
 
 impl Columns {
     pub fn sweep(&mut self, metres: &[f32], guide: &Guide, width: usize, height: usize) {
         self.height = height;
-        self.looks
-            .resize(width.div_ceil(STRIP) * STRIP * height, [FAR; 2]);
-        self.looks
-            .par_chunks_mut(STRIP * height)
+        let strips = width.div_ceil(STRIP);
+        self.open.resize(strips * height, false);
+        self.up.resize(strips * STRIP * height, FAR);
+        self.down.resize(strips * STRIP * height, FAR);
+        (
+            self.open.par_chunks_mut(height),
+            self.up.par_chunks_mut(STRIP * height),
+            self.down.par_chunks_mut(STRIP * height),
+        )
+            .into_par_iter()
             .enumerate()
-            .for_each(|(strip, looks)| {
-                let first = strip * STRIP;
-                let count = STRIP.min(width - first);
-                let mut state = [FAR; STRIP];
-                for y in 0..height {
-                    let row = &metres[y * width + first..][..count];
-                    let to = &mut looks[y * STRIP..][..count];
-                    for (x, (state, to)) in state.iter_mut().zip(to).enumerate() {
-                        let edge = if y > 0 { guide.down(first + x, y) } else { 0 };
-                        *state = state.step(!row[x].is_nan(), edge);
-                        to[0] = *state;
-                    }
-                }
-                let mut state = [FAR; STRIP];
-                for y in (0..height).rev() {
-                    let row = &metres[y * width + first..][..count];
-                    let to = &mut looks[y * STRIP..][..count];
-                    for (x, (state, to)) in state.iter_mut().zip(to).enumerate() {
-                        let edge = if y + 1 < height {
-                            guide.down(first + x, y + 1)
-                        } else {
-                            0
-                        };
-                        *state = state.step(!row[x].is_nan(), edge);
-                        to[1] = *state;
-                    }
-                }
+            .for_each(|(n, (open, up, down))| {
+                let first = n * STRIP;
+                let strip = Strip {
+                    metres,
+                    guide,
+                    first,
+                    count: STRIP.min(width - first),
+                    width,
+                };
+                dispatch!(Level::new(), _simd => strip.sweep(open, up, down));
             });
     }
 
-    /// `[up, down]`.
+    /// Something is unknown in this row of a strip.
+    pub fn is_open(&self, strip: usize, y: usize) -> bool {
+        self.open[strip * self.height + y]
+    }
+
+    /// `[up, down]` of an unknown pixel.
     #[inline(always)]
     pub fn looks(&self, x: usize, y: usize) -> [Look; 2] {
-        self.looks[((x / STRIP) * self.height + y) * STRIP + x % STRIP]
+        let at = ((x / STRIP) * self.height + y) * STRIP + x % STRIP;
+        [self.up[at], self.down[at]]
+    }
+}
+
+struct Strip<'a> {
+    metres: &'a [f32],
+    guide: &'a Guide,
+    first: usize,
+    count: usize,
+    width: usize,
+}
+
+impl Strip<'_> {
+    #[inline(always)]
+    fn sweep(&self, open: &mut [bool], up: &mut [Look], down: &mut [Look]) {
+        let height = open.len();
+        let mut state = [FAR; STRIP];
+        for (y, (open, up)) in open.iter_mut().zip(up.chunks_exact_mut(STRIP)).enumerate() {
+            *open = self.row(y).iter().fold(false, |any, z| any | z.is_nan());
+            if *open {
+                self.step(y, (y > 0).then_some(y), &mut state);
+                up.copy_from_slice(&state);
+            } else {
+                state = [HERE; STRIP];
+            }
+        }
+        state = [FAR; STRIP];
+        let rows = open.iter().zip(down.chunks_exact_mut(STRIP)).enumerate();
+        for (y, (&open, down)) in rows.rev() {
+            if open {
+                self.step(y, (y + 1 < height).then_some(y + 1), &mut state);
+                down.copy_from_slice(&state);
+            } else {
+                state = [HERE; STRIP];
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn row(&self, y: usize) -> &[f32] {
+        &self.metres[y * self.width + self.first..][..self.count]
+    }
+
+    /// Onto row `y` across the edges above row `below`. Without a branch, so that the compiler
+    /// takes many columns at a time.
+    #[inline(always)]
+    fn step(&self, y: usize, below: Option<usize>, state: &mut [Look; STRIP]) {
+        let mut edges = [0; STRIP];
+        if let Some(below) = below {
+            self.guide.down(self.first, below, &mut edges[..self.count]);
+        }
+        for ((look, z), edge) in state.iter_mut().zip(self.row(y)).zip(edges) {
+            *look = look.step(!z.is_nan(), edge);
+        }
     }
 }
