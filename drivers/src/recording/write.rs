@@ -24,12 +24,40 @@ use std::{
 pub struct Writer {
     path: PathBuf,
     rig: Rig,
-    /// A second handle on the same file, to sync it.
-    file: File,
     mcap: mcap::Writer<BufWriter<File>>,
+    /// Stands below `mcap`, and so is dropped after it.
+    tail: Tail,
     channels: BTreeMap<&'static str, u16>,
     messages: u32,
     calibrated: bool,
+}
+
+/// A second handle on the file being written: syncs it, and cuts off what was never finished.
+///
+/// A write that fails (a full disk) leaves a piece of a chunk behind, and whoever drops the writer
+/// then has the rest of it written: no reader could make sense of that.
+struct Tail {
+    file: File,
+    /// Length of the file up to the last bracket that is whole and synced.
+    whole_bytes: u64,
+    closed: bool,
+}
+
+impl Tail {
+    fn sync(&mut self) -> std::io::Result<()> {
+        self.file.sync_data()?;
+        self.whole_bytes = self.file.metadata()?.len();
+        Ok(())
+    }
+}
+
+impl Drop for Tail {
+    fn drop(&mut self) {
+        if !self.closed {
+            // Failing too, it leaves a file that may be refused: nothing more can be done.
+            let _ = self.file.set_len(self.whole_bytes);
+        }
+    }
 }
 
 impl Writer {
@@ -60,8 +88,12 @@ impl Writer {
         let mut writer = Self {
             path: path.to_owned(),
             rig: *rig,
-            file,
             mcap,
+            tail: Tail {
+                file,
+                whole_bytes: 0,
+                closed: false,
+            },
             channels: BTreeMap::new(),
             messages: 0,
             calibrated: false,
@@ -117,12 +149,11 @@ impl Writer {
         self.mcap
             .flush()
             .map_err(|error| refused(&self.path, error))?;
-        self.file
-            .sync_data()
-            .map_err(|source| io(&self.path, source))
+        self.tail.sync().map_err(|source| io(&self.path, source))
     }
 
-    /// Ends the recording with its index.
+    /// Ends the recording with its index. A writer that is dropped instead leaves what was
+    /// finished.
     ///
     /// # Errors
     /// As [`Self::finish_bracket`].
@@ -131,9 +162,12 @@ impl Writer {
         self.mcap
             .finish()
             .map_err(|error| refused(&self.path, error))?;
-        self.file
+        self.tail
+            .file
             .sync_all()
-            .map_err(|source| io(&self.path, source))
+            .map_err(|source| io(&self.path, source))?;
+        self.tail.closed = true;
+        Ok(())
     }
 
     fn json(&self, message: &impl serde::Serialize) -> Result<Vec<u8>, DriverError> {
