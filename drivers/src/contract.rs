@@ -100,7 +100,7 @@ pub fn check(device: &mut dyn Device, frames: usize, observe: &mut dyn FnMut(&Cl
             claims.settle(
                 "the_stream_states_what_was_asked",
                 verdict(kept),
-                format!("settings {:?}", stream.settings()),
+                in_words(stream.settings()),
             );
             let (outcome, evidence) = short_wait(stream.as_mut(), &mut seen);
             claims.settle(
@@ -167,6 +167,18 @@ impl Claims<'_> {
 
 fn verdict(held: bool) -> Verdict {
     if held { Verdict::Pass } else { Verdict::Fail }
+}
+
+fn in_words(settings: &Settings) -> String {
+    let asked = |value: Option<f32>, unit: &str| {
+        value.map_or("the device's own".into(), |value| format!("{value}{unit}"))
+    };
+    format!(
+        "exposure {}, gain {}, flash on every {}th color frame",
+        asked(settings.exposure_seconds, " s"),
+        asked(settings.gain, "×"),
+        settings.flash_every
+    )
 }
 
 fn short_wait(stream: &mut dyn Stream, seen: &mut Seen) -> (Verdict, String) {

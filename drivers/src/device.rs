@@ -93,7 +93,7 @@ pub enum DriverError {
         reason: String,
     },
     /// The operating system refused.
-    #[error("{path}: {source}")]
+    #[error("{path}: {source}; check that it exists, may be accessed and has space")]
     Io {
         /// The file.
         path: PathBuf,

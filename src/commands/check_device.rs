@@ -55,6 +55,7 @@ impl CheckDevice {
             .count();
         lines.push(match broken {
             0 => "the device upholds the contract".to_owned(),
+            1 => "1 clause of the contract is broken".to_owned(),
             count => format!("{count} clauses of the contract are broken"),
         });
         let mut answer = Answer::new(lines.join("\n"), &report);
