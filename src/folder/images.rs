@@ -68,8 +68,22 @@ fn wrong_kind(path: &Path, samples: &Samples, remedy: &str) -> FolderError {
     }
 }
 
+/// The samples of a picture that lies as it is stored. One that viewers turn is refused: nobody can
+/// know whether the lens in `capture.toml` was measured before or after the turn.
 fn samples(path: &Path, size: (usize, usize)) -> Result<Samples, FolderError> {
-    Ok(decode_limited(path, Some(size), Limits::default())?.samples)
+    let decoded = decode_limited(path, Some(size), Limits::default())?;
+    if decoded.orientation != 1 {
+        return Err(FolderError::Field {
+            path: path.into(),
+            field: "EXIF orientation".into(),
+            problem: format!(
+                "is {}: viewers turn or mirror the picture, but capture.toml speaks of its pixels as they are stored",
+                decoded.orientation
+            ),
+            remedy: "save it upright with no such tag, and give the lens for that picture".into(),
+        });
+    }
+    Ok(decoded.samples)
 }
 
 /// A photograph; gray is replicated, ±∞ becomes NaN = unknown.

@@ -1,6 +1,6 @@
 //! JPEG: 8-bit gray or color, baseline or progressive; truncation is an error, not gray rows.
 
-use super::{Gate, ImageError, Samples};
+use super::{Gate, ImageError, Samples, exif};
 use drivers::Plane;
 use std::io::{BufRead, Read};
 use zune_jpeg::{
@@ -11,7 +11,8 @@ use zune_jpeg::{
 /// A JPEG larger than its decoded picture by more than this is padded or lying.
 const SLACK_BYTES: usize = 16 << 20;
 
-pub(super) fn decode<R: BufRead>(gate: &Gate<'_>, reader: R) -> Result<Samples, ImageError> {
+/// The samples, and EXIF's orientation.
+pub(super) fn decode<R: BufRead>(gate: &Gate<'_>, reader: R) -> Result<(Samples, u16), ImageError> {
     let picture = gate
         .expected
         .map_or(gate.limits.max_pixels, |(w, h)| w.saturating_mul(h));
@@ -41,6 +42,9 @@ pub(super) fn decode<R: BufRead>(gate: &Gate<'_>, reader: R) -> Result<Samples, 
         .ok_or_else(|| gate.malformed("JPEG: no frame header"))?;
     let size = (usize::from(info.width), usize::from(info.height));
     gate.admit(size.0, size.1)?;
+    let orientation = decoder
+        .exif()
+        .map_or(exif::UPRIGHT, |bytes| exif::orientation(bytes));
     let color = decoder.input_colorspace();
     let gray = match color {
         Some(ColorSpace::Luma) => true,
@@ -65,7 +69,7 @@ pub(super) fn decode<R: BufRead>(gate: &Gate<'_>, reader: R) -> Result<Samples, 
             return Err(gate.malformed("JPEG: component count contradicts the header"));
         }
         decoder.decode_into(plane.samples_mut()).map_err(damaged)?;
-        Ok(Samples::Gray8(plane))
+        Ok((Samples::Gray8(plane), orientation))
     } else {
         let mut plane = Plane::filled(size.0, size.1, [0_u8; 3]);
         if needed != Some(plane.len() * 3) {
@@ -74,6 +78,6 @@ pub(super) fn decode<R: BufRead>(gate: &Gate<'_>, reader: R) -> Result<Samples, 
         decoder
             .decode_into(plane.samples_mut().as_flattened_mut())
             .map_err(damaged)?;
-        Ok(Samples::Rgb8(plane))
+        Ok((Samples::Rgb8(plane), orientation))
     }
 }

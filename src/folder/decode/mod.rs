@@ -3,6 +3,7 @@
 //! A file is hostile until it is checked. Its size is compared with what was declared *before* a
 //! pixel is decoded, so that a few hundred bytes cannot ask for gigabytes.
 
+mod exif;
 mod exr;
 mod hdr;
 mod jpeg;
@@ -158,8 +159,11 @@ impl Samples {
 pub struct Decoded {
     /// What the file was.
     pub kind: ImageKind,
-    /// Its pixels.
+    /// Its pixels, in the order they are stored in.
     pub samples: Samples,
+    /// EXIF's orientation: 1 = upright as stored, also where nothing is said; 2 to 8 = viewers
+    /// mirror or turn the picture.
+    pub orientation: u16,
 }
 
 /// The file being decoded and what it must keep to.
@@ -311,14 +315,18 @@ fn decode_reader<R: std::io::BufRead + Seek>(
         path: gate.path.into(),
     })?;
     // The decoders are other people's: a panic in one is a damaged file, not our end.
-    let samples = catch_unwind(AssertUnwindSafe(|| match kind {
+    let (samples, orientation) = catch_unwind(AssertUnwindSafe(|| match kind {
         ImageKind::Png => png::decode(gate, reader),
         ImageKind::Jpeg => jpeg::decode(gate, reader),
-        ImageKind::Exr => exr::decode(gate, reader),
-        ImageKind::Radiance => hdr::decode(gate, reader),
+        ImageKind::Exr => exr::decode(gate, reader).map(|samples| (samples, exif::UPRIGHT)),
+        ImageKind::Radiance => hdr::decode(gate, reader).map(|samples| (samples, exif::UPRIGHT)),
     }))
     .unwrap_or_else(|_| Err(gate.malformed("the decoder gave up on its contents")))?;
-    Ok(Decoded { kind, samples })
+    Ok(Decoded {
+        kind,
+        samples,
+        orientation,
+    })
 }
 
 fn kind_of(magic: &[u8]) -> Option<ImageKind> {

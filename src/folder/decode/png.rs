@@ -1,12 +1,16 @@
 //! PNG: 8 and 16 bits, gray, color, palette; alpha is dropped.
 
-use super::{Gate, ImageError, Samples};
+use super::{Gate, ImageError, Samples, exif};
 use std::io::{BufRead, Seek};
 
 /// The decoder's own buffers; the picture is ours.
 const WORKING_BYTES: usize = 32 << 20;
 
-pub(super) fn decode<R: BufRead + Seek>(gate: &Gate<'_>, reader: R) -> Result<Samples, ImageError> {
+/// The samples, and EXIF's orientation.
+pub(super) fn decode<R: BufRead + Seek>(
+    gate: &Gate<'_>,
+    reader: R,
+) -> Result<(Samples, u16), ImageError> {
     let damaged = |error: ::png::DecodingError| gate.malformed(format!("PNG: {error}"));
     let mut decoder = ::png::Decoder::new_with_limits(
         reader,
@@ -96,5 +100,9 @@ pub(super) fn decode<R: BufRead + Seek>(gate: &Gate<'_>, reader: R) -> Result<Sa
     };
     // The checksums stand after the last row.
     reader.finish().map_err(damaged)?;
-    Ok(decoded)
+    let orientation = reader.info().exif_metadata.as_deref();
+    Ok((
+        decoded,
+        orientation.map_or(exif::UPRIGHT, exif::orientation),
+    ))
 }
