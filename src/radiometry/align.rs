@@ -100,8 +100,8 @@ pub fn align(flash: &LinearImage, ambient: &LinearImage) -> Alignment {
     let scale = width as f32 / fine_width as f32;
     let residual_pixels = flow::residual(&found, &warp) * scale;
     let identity = Warp::identity(fine_width, fine_height);
-    let gained = agreement(first, second, &warp) > agreement(first, second, &identity);
-    if motion == Motion::Still || !gained {
+    let gained = || agreement(first, second, &warp) > agreement(first, second, &identity);
+    if motion == Motion::Still || !gained() {
         let residual_pixels = flow::residual(&found, &identity) * scale;
         return still(
             AlignmentOutcome::AlreadyAligned,
@@ -174,7 +174,8 @@ fn agreement(first: &Texture, second: &Texture, warp: &Warp) -> f64 {
 fn better_start(first: &Texture, second: &Texture, warp: Warp) -> Warp {
     let (width, height) = first.values.size();
     let identity = Warp::identity(width, height);
-    if agreement(first, second, &warp) >= agreement(first, second, &identity) {
+    if warp.is_identity() || agreement(first, second, &warp) >= agreement(first, second, &identity)
+    {
         warp
     } else {
         identity

@@ -17,6 +17,15 @@ pub struct Tally {
     pub negative: usize,
 }
 
+impl Tally {
+    fn plus(self, other: Self) -> Self {
+        Self {
+            unknown: self.unknown + other.unknown,
+            negative: self.negative + other.negative,
+        }
+    }
+}
+
 /// Pixels one worker takes at a time: a chunk of both inputs and both outputs fits its L2 cache.
 const CHUNK: usize = 4096;
 
@@ -158,10 +167,7 @@ fn fuse<T: Copy + Sync>(
                 negative: negative as usize,
             }
         })
-        .reduce(Tally::default, |a, b| Tally {
-            unknown: a.unknown + b.unknown,
-            negative: a.negative + b.negative,
-        })
+        .reduce(Tally::default, Tally::plus)
 }
 
 /// Light, and a third of its variance, of every 8-bit code.
@@ -231,10 +237,7 @@ fn fuse_lines(
                 negative: negative as usize,
             }
         })
-        .reduce(Tally::default, |a, b| Tally {
-            unknown: a.unknown + b.unknown,
-            negative: a.negative + b.negative,
-        })
+        .reduce(Tally::default, Tally::plus)
 }
 
 /// One instruction, where `f32::max` has to look after NaN as well.

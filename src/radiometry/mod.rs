@@ -19,6 +19,7 @@ mod subtract_tests;
 mod texture;
 pub mod transfer;
 pub mod warp;
+mod window;
 
 pub use align::{Alignment, AlignmentOutcome, align};
 pub use decode::linearise;

@@ -114,18 +114,21 @@ fn box_sums(plane: &Plane<u8>) -> Plane<u16> {
     sums.samples_mut()
         .par_chunks_mut(width.max(1))
         .enumerate()
-        .for_each(|(y, out)| {
-            let mut columns = vec![0u16; width];
-            for row in y.saturating_sub(REACH)..(y + REACH + 1).min(height) {
-                for (sum, &sample) in columns.iter_mut().zip(plane.row(row)) {
-                    *sum += u16::from(sample);
+        .for_each_init(
+            || vec![0u16; width],
+            |columns, (y, out)| {
+                columns.fill(0);
+                for row in y.saturating_sub(REACH)..(y + REACH + 1).min(height) {
+                    for (sum, &sample) in columns.iter_mut().zip(plane.row(row)) {
+                        *sum += u16::from(sample);
+                    }
                 }
-            }
-            for (x, out) in out.iter_mut().enumerate() {
-                *out = columns[x.saturating_sub(REACH)..(x + REACH + 1).min(width)]
-                    .iter()
-                    .sum();
-            }
-        });
+                for (x, out) in out.iter_mut().enumerate() {
+                    *out = columns[x.saturating_sub(REACH)..(x + REACH + 1).min(width)]
+                        .iter()
+                        .sum();
+                }
+            },
+        );
     sums
 }

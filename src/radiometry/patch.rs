@@ -5,10 +5,11 @@
 //! to gain and offset, so it asks only whether the pattern is the same.
 
 use super::texture::Texture;
-use super::warp::{Warp, keys};
+use super::warp::Warp;
+use super::window::{WINDOW, sample};
 
-/// Pixels along the side of a patch.
-pub(super) const SIDE: usize = 32;
+pub(super) use super::window::SIDE;
+
 /// Corrections made, at most.
 const STEPS: usize = 10;
 /// Length of a correction that counts as arrived, pixels.
@@ -46,11 +47,7 @@ pub(super) fn find(
     if known_share(first, centre[0], centre[1]) < KNOWN_AT_LEAST {
         return None;
     }
-    let mut pattern = Vec::with_capacity(SIDE * SIDE);
-    for y in top..top + SIDE {
-        pattern.extend_from_slice(&first.values.row(y)[left..left + SIDE]);
-    }
-    centred(&mut pattern);
+    let pattern = Pattern::of(first, left, top);
     let mut off = [0.0f64; 2];
     for _ in 0..STEPS {
         let seen = sample(&second.values, warp, left, top, off)?;
@@ -84,55 +81,29 @@ pub(super) fn correlation(
     left: usize,
     top: usize,
 ) -> Option<f64> {
-    let mut pattern = Vec::with_capacity(SIDE * SIDE);
-    for y in top..top + SIDE {
-        pattern.extend_from_slice(&first.values.row(y)[left..left + SIDE]);
-    }
-    centred(&mut pattern);
+    let pattern = Pattern::of(first, left, top);
     let seen = sample(&second.values, warp, left, top, [0.0; 2])?;
     correction(&pattern, &seen).map(|step| step.correlation)
 }
 
-/// Side of the sampled window: the patch and one pixel around it for gradients.
-const WINDOW: usize = SIDE + 2;
+/// The patch that is looked for, its mean taken out.
+struct Pattern {
+    values: [f32; SIDE * SIDE],
+    /// Sum of the squared values.
+    power: f64,
+}
 
-/// The window around a patch as seen through `warp` moved on by `off`; the warp is taken as
-/// straight across a patch.
-fn sample(
-    plane: &drivers::Plane<f32>,
-    warp: &Warp,
-    left: usize,
-    top: usize,
-    off: [f64; 2],
-) -> Option<Vec<f32>> {
-    let (width, height) = plane.size();
-    let origin = [left as f64 - 1.0, top as f64 - 1.0];
-    let at = |x: f64, y: f64| warp.displacement(origin[0] + x, origin[1] + y);
-    let span = (WINDOW - 1) as f64;
-    let (start, right, down) = (at(0.0, 0.0), at(span, 0.0), at(0.0, span));
-    let across = [(right[0] - start[0]) / span, (right[1] - start[1]) / span];
-    let along = [(down[0] - start[0]) / span, (down[1] - start[1]) / span];
-    let mut window = Vec::with_capacity(WINDOW * WINDOW);
-    for row in 0..WINDOW {
-        for column in 0..WINDOW {
-            let (u, v) = (column as f64, row as f64);
-            let x = origin[0] + u + start[0] + off[0] + across[0] * u + along[0] * v;
-            let y = origin[1] + v + start[1] + off[1] + across[1] * u + along[1] * v;
-            if !(x >= 1.0 && y >= 1.0 && x < width as f64 - 2.0 && y < height as f64 - 2.0) {
-                return None;
-            }
-            let (ix, iy) = (x as usize, y as usize);
-            let (wx, wy) = (keys((x - ix as f64) as f32), keys((y - iy as f64) as f32));
-            let mut value = 0.0;
-            for (row, weight) in wy.iter().enumerate() {
-                let taps = &plane.row(iy - 1 + row)[ix - 1..ix + 3];
-                value += weight
-                    * (taps[0] * wx[0] + taps[1] * wx[1] + taps[2] * wx[2] + taps[3] * wx[3]);
-            }
-            window.push(value);
+impl Pattern {
+    fn of(texture: &Texture, left: usize, top: usize) -> Self {
+        let mut values = [0.0; SIDE * SIDE];
+        for (y, row) in values.chunks_exact_mut(SIDE).enumerate() {
+            row.copy_from_slice(&texture.values.row(top + y)[left..left + SIDE]);
         }
+        let mean = values.iter().sum::<f32>() / values.len() as f32;
+        values.iter_mut().for_each(|value| *value -= mean);
+        let power = values.iter().map(|value| f64::from(*value).powi(2)).sum();
+        Self { values, power }
     }
-    Some(window)
 }
 
 struct Step {
@@ -140,47 +111,76 @@ struct Step {
     correlation: f64,
 }
 
-/// The closed-form step of the paper's equation 17 for a translation.
-fn correction(pattern: &[f32], window: &[f32]) -> Option<Step> {
-    let mut seen = Vec::with_capacity(SIDE * SIDE);
-    let mut gradients = Vec::with_capacity(SIDE * SIDE);
-    for y in 1..=SIDE {
-        for x in 1..=SIDE {
-            let i = y * WINDOW + x;
-            seen.push(window[i]);
-            gradients.push([
-                0.5 * (window[i + 1] - window[i - 1]),
-                0.5 * (window[i + WINDOW] - window[i - WINDOW]),
-            ]);
+/// Sums kept apart while a row is walked, so that they are added in vector registers.
+const LANES: usize = 8;
+
+fn eight(row: &[f32], from: usize) -> [f32; LANES] {
+    std::array::from_fn(|i| row[from + i])
+}
+
+/// Sums over the patch of the products that the step is made of. The order: gradients x and y,
+/// what is seen, their six products, and the products of the pattern with all three.
+fn sums(pattern: &Pattern, window: &[f32; WINDOW * WINDOW]) -> [f64; 12] {
+    let mut sums = [0.0f64; 12];
+    let rows = pattern.values.chunks_exact(SIDE).enumerate();
+    for (y, pattern) in rows {
+        let row = |y: usize| &window[y * WINDOW..(y + 1) * WINDOW];
+        let (above, here, below) = (row(y), row(y + 1), row(y + 2));
+        let mut lanes = [[0.0f32; LANES]; 12];
+        for x in (0..SIDE).step_by(LANES) {
+            let p = eight(pattern, x);
+            let s = eight(here, x + 1);
+            let (left, right) = (eight(here, x), eight(here, x + 2));
+            let (up, down) = (eight(above, x + 1), eight(below, x + 1));
+            for i in 0..LANES {
+                let (p, s) = (p[i], s[i]);
+                let (gx, gy) = (0.5 * (right[i] - left[i]), 0.5 * (down[i] - up[i]));
+                lanes[0][i] += gx;
+                lanes[1][i] += gy;
+                lanes[2][i] += s;
+                lanes[3][i] += gx * gx;
+                lanes[4][i] += gx * gy;
+                lanes[5][i] += gy * gy;
+                lanes[6][i] += gx * s;
+                lanes[7][i] += gy * s;
+                lanes[8][i] += s * s;
+                lanes[9][i] += gx * p;
+                lanes[10][i] += gy * p;
+                lanes[11][i] += s * p;
+            }
+        }
+        for (sum, lanes) in sums.iter_mut().zip(lanes) {
+            *sum += f64::from(lanes.iter().sum::<f32>());
         }
     }
-    centred(&mut seen);
+    sums
+}
+
+/// The closed-form step of the paper's equation 17 for a translation.
+fn correction(pattern: &Pattern, window: &[f32; WINDOW * WINDOW]) -> Option<Step> {
+    let [
+        x,
+        y,
+        s,
+        mut gxx,
+        mut gxy,
+        mut gyy,
+        mut sx,
+        mut sy,
+        mut ss,
+        px,
+        py,
+        sp,
+    ] = sums(pattern, window);
     let count = (SIDE * SIDE) as f64;
-    let mut mean = [0.0f64; 2];
-    for gradient in &gradients {
-        mean[0] += f64::from(gradient[0]) / count;
-        mean[1] += f64::from(gradient[1]) / count;
-    }
-    let [mut gxx, mut gxy, mut gyy] = [0.0f64; 3];
-    let [mut sx, mut sy, mut px, mut py] = [0.0f64; 4];
-    let [mut ss, mut pp, mut sp] = [0.0f64; 3];
-    for ((gradient, &seen), &pattern) in gradients.iter().zip(&seen).zip(pattern) {
-        let (gx, gy) = (
-            f64::from(gradient[0]) - mean[0],
-            f64::from(gradient[1]) - mean[1],
-        );
-        let (s, p) = (f64::from(seen), f64::from(pattern));
-        gxx += gx * gx;
-        gxy += gx * gy;
-        gyy += gy * gy;
-        sx += gx * s;
-        sy += gy * s;
-        px += gx * p;
-        py += gy * p;
-        ss += s * s;
-        pp += p * p;
-        sp += s * p;
-    }
+    // The means are taken out of the sums; the pattern has none.
+    gxx -= x * x / count;
+    gxy -= x * y / count;
+    gyy -= y * y / count;
+    sx -= x * s / count;
+    sy -= y * s / count;
+    ss -= s * s / count;
+    let pp = pattern.power;
     let determinant = gxx * gyy - gxy * gxy;
     let trace = gxx + gyy;
     let weakest = 0.5 * (trace - (trace * trace - 4.0 * determinant).max(0.0).sqrt()) / count;
@@ -207,11 +207,6 @@ fn correction(pattern: &[f32], window: &[f32]) -> Option<Step> {
         shift,
         correlation: sp / (ss * pp).sqrt(),
     })
-}
-
-fn centred(values: &mut [f32]) {
-    let mean = values.iter().sum::<f32>() / values.len() as f32;
-    values.iter_mut().for_each(|value| *value -= mean);
 }
 
 fn known_share(texture: &Texture, x: f64, y: f64) -> f32 {

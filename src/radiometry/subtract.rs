@@ -93,52 +93,67 @@ pub fn subtract(
         .zip(variance.samples_mut().par_chunks_mut(width))
         .zip(suspects.samples_mut().par_chunks_mut(width))
         .enumerate()
-        .map(|(y, ((light, variance), suspects))| {
-            let mut tally = RowTally::default();
-            let rows: Vec<Vec<Resampled>> = rooms.iter().map(|room| room.row(y)).collect();
-            for x in 0..width {
-                let mut room_light = [0.0f32; 3];
-                let mut room_variance = 0.0f32;
-                let mut inside = true;
-                for (room, row) in rooms.iter().zip(&rows) {
-                    let seen = &row[x];
-                    inside &= seen.inside;
-                    if room.weight > 0.0 {
-                        for (sum, channel) in room_light.iter_mut().zip(seen.light) {
-                            *sum += room.weight * room.scale * channel;
+        .map_init(
+            || vec![Vec::new(); rooms.len()],
+            |rows, (y, ((light, variance), suspects))| {
+                let mut tally = RowTally::default();
+                for (room, row) in rooms.iter().zip(rows.iter_mut()) {
+                    room.row(y, row);
+                }
+                for x in 0..width {
+                    let mut room_light = [0.0f32; 3];
+                    let mut room_variance = 0.0f32;
+                    let mut inside = true;
+                    for (room, row) in rooms.iter().zip(rows.iter()) {
+                        let seen = &row[x];
+                        inside &= seen.inside;
+                        if room.weight > 0.0 {
+                            for (sum, channel) in room_light.iter_mut().zip(seen.light) {
+                                *sum += room.weight * room.scale * channel;
+                            }
+                            let gain = room.weight * room.scale;
+                            room_variance += gain
+                                * gain
+                                * seen.variance_factor
+                                * room.scatter.variance(seen.light);
                         }
-                        let gain = room.weight * room.scale;
-                        room_variance +=
-                            gain * gain * seen.variance_factor * room.scatter.variance(seen.light);
                     }
+                    let flash_variance = scatter.variance(light[x]);
+                    let difference: [f32; 3] =
+                        std::array::from_fn(|channel| light[x][channel] - room_light[channel]);
+                    let sum: f32 = difference.iter().sum();
+                    let fate = sum * 0.0;
+                    let total = flash_variance + room_variance + fate;
+                    tally.clipped += usize::from(sum.is_nan() && (inside || light[x][0].is_nan()));
+                    if search && sum.is_finite() {
+                        let against_room =
+                            motion::exceeds(sum, total, room_light.iter().sum::<f32>());
+                        let between_rooms = rows.len() == 2 && {
+                            let variances: [f32; 2] = std::array::from_fn(|i| {
+                                rows[i][x].variance_factor
+                                    * rooms[i].scatter.variance(rows[i][x].light)
+                            });
+                            motion::disagree(
+                                rows[0][x].light,
+                                rows[1][x].light,
+                                variances,
+                                agreement,
+                            )
+                        };
+                        suspects[x] = u8::from(against_room || between_rooms);
+                    }
+                    if !rooms.is_empty() && y % columns == 0 && x % columns == 0 && sum.is_finite()
+                    {
+                        tally
+                            .room_to_flash
+                            .push(report::ratio(room_light.iter().sum(), sum));
+                    }
+                    light[x] = difference.map(|channel| channel + fate);
+                    variance[x] = total;
                 }
-                let flash_variance = scatter.variance(light[x]);
-                let difference: [f32; 3] =
-                    std::array::from_fn(|channel| light[x][channel] - room_light[channel]);
-                let sum: f32 = difference.iter().sum();
-                let fate = sum * 0.0;
-                let total = flash_variance + room_variance + fate;
-                tally.clipped += usize::from(sum.is_nan() && (inside || light[x][0].is_nan()));
-                if search && sum.is_finite() {
-                    let against_room = motion::exceeds(sum, total, room_light.iter().sum::<f32>());
-                    let between_rooms = rows.len() == 2 && {
-                        let variances: [f32; 2] = std::array::from_fn(|i| {
-                            rows[i][x].variance_factor * rooms[i].scatter.variance(rows[i][x].light)
-                        });
-                        motion::disagree(rows[0][x].light, rows[1][x].light, variances, agreement)
-                    };
-                    suspects[x] = u8::from(against_room || between_rooms);
-                }
-                if !rooms.is_empty() && y % columns == 0 && x % columns == 0 && sum.is_finite() {
-                    tally
-                        .room_to_flash
-                        .push(report::ratio(room_light.iter().sum(), sum));
-                }
-                light[x] = difference.map(|channel| channel + fate);
-                variance[x] = total;
-            }
-            tally
-        })
+                tally
+            },
+        )
         .collect();
     let alignment = rooms.first().map(|room| (room.warp, room.outcome));
     let exposure_ratio = rooms.first().map_or(1.0, |room| room.exposure_ratio);
@@ -258,28 +273,18 @@ impl Room {
         })
     }
 
-    fn row(&self, y: usize) -> Vec<Resampled> {
-        if self.warp.is_identity() {
-            return self
-                .light
-                .0
-                .row(y)
-                .iter()
-                .map(|&light| Resampled {
-                    light,
-                    variance_factor: 1.0,
-                    inside: true,
-                })
-                .collect();
-        }
-        let unseen = Resampled {
-            light: [f32::NAN; 3],
+    /// Row `y` as the flash frame sees it, in place of what `row` held.
+    fn row(&self, y: usize, row: &mut Vec<Resampled>) {
+        let still = self.light.0.row(y).iter().map(|&light| Resampled {
+            light,
             variance_factor: 1.0,
-            inside: false,
-        };
-        let mut row = vec![unseen; self.light.0.width()];
-        resample_row(&self.light, &self.warp, y, &mut row);
-        row
+            inside: true,
+        });
+        row.clear();
+        row.extend(still);
+        if !self.warp.is_identity() {
+            resample_row(&self.light, &self.warp, y, row);
+        }
     }
 }
 

@@ -64,11 +64,10 @@ fn halved(width: usize, height: usize, at: impl Fn(usize, usize) -> f32 + Sync) 
 }
 
 fn texture(luminance: &Plane<f32>) -> Texture {
-    let (width, height) = luminance.size();
     let known = luminance.map(|light| light.is_finite());
     let mut finite: Vec<f32> = luminance
         .samples()
-        .iter()
+        .par_iter()
         .copied()
         .filter(|light| light.is_finite())
         .collect();
@@ -94,22 +93,19 @@ fn texture(luminance: &Plane<f32>) -> Texture {
     let mut squares = root.clone();
     squares
         .samples_mut()
-        .iter_mut()
+        .par_iter_mut()
         .for_each(|value| *value *= *value);
     let (mean, mean_square) = (window_means(&root), window_means(&squares));
-    let values = root
-        .samples()
-        .iter()
-        .zip(mean.samples().iter().zip(mean_square.samples()))
-        .map(|(value, (mean, square))| {
+    let mut values = root;
+    values
+        .samples_mut()
+        .par_iter_mut()
+        .zip(mean.samples().par_iter().zip(mean_square.samples()))
+        .for_each(|(value, (mean, square))| {
             let contrast = (square - mean * mean).max(0.0).sqrt();
-            (value - mean) / (contrast + CONTRAST_FLOOR)
-        })
-        .collect();
-    Texture {
-        values: Plane::new(width, height, values).unwrap_or_default(),
-        known,
-    }
+            *value = (*value - mean) / (contrast + CONTRAST_FLOOR);
+        });
+    Texture { values, known }
 }
 
 /// Binomial 1-2-1 in both directions, edges repeated.
@@ -141,27 +137,30 @@ fn window_means(plane: &Plane<f32>) -> Plane<f32> {
         .samples_mut()
         .par_chunks_mut(width.max(1))
         .enumerate()
-        .for_each(|(y, out)| {
-            let rows = y.saturating_sub(WINDOW_REACH)..(y + WINDOW_REACH + 1).min(height);
-            let mut columns = vec![0.0f32; width];
-            for row in rows.clone() {
-                for (sum, value) in columns.iter_mut().zip(plane.row(row)) {
-                    *sum += value;
+        .for_each_init(
+            || vec![0.0f32; width],
+            |columns, (y, out)| {
+                let rows = y.saturating_sub(WINDOW_REACH)..(y + WINDOW_REACH + 1).min(height);
+                columns.fill(0.0);
+                for row in rows.clone() {
+                    for (sum, value) in columns.iter_mut().zip(plane.row(row)) {
+                        *sum += value;
+                    }
                 }
-            }
-            let mut running: f64 = 0.0;
-            let (mut from, mut to) = (0, 0);
-            for (x, out) in out.iter_mut().enumerate() {
-                while to < (x + WINDOW_REACH + 1).min(width) {
-                    running += f64::from(columns[to]);
-                    to += 1;
+                let mut running: f64 = 0.0;
+                let (mut from, mut to) = (0, 0);
+                for (x, out) in out.iter_mut().enumerate() {
+                    while to < (x + WINDOW_REACH + 1).min(width) {
+                        running += f64::from(columns[to]);
+                        to += 1;
+                    }
+                    while from + WINDOW_REACH < x {
+                        running -= f64::from(columns[from]);
+                        from += 1;
+                    }
+                    *out = (running / ((to - from) * rows.len()) as f64) as f32;
                 }
-                while from + WINDOW_REACH < x {
-                    running -= f64::from(columns[from]);
-                    from += 1;
-                }
-                *out = (running / ((to - from) * rows.len()) as f64) as f32;
-            }
-        });
+            },
+        );
     means
 }

@@ -1,0 +1,110 @@
+//! The window around one patch, as seen through a warp.
+
+use super::warp::Warp;
+use drivers::Plane;
+use fearless_simd::{Level, Simd, dispatch, f32x4, prelude::*};
+
+/// Pixels along the side of a patch.
+pub(super) const SIDE: usize = 32;
+/// Side of the sampled window: the patch and one pixel around it for gradients.
+pub(super) const WINDOW: usize = SIDE + 2;
+
+/// The window around a patch as seen through `warp` moved on by `off`; the warp is taken as
+/// straight across a patch. `None` when it is not all inside.
+pub(super) fn sample(
+    plane: &Plane<f32>,
+    warp: &Warp,
+    left: usize,
+    top: usize,
+    off: [f64; 2],
+) -> Option<[f32; WINDOW * WINDOW]> {
+    let (width, height) = plane.size();
+    let origin = [left as f64 - 1.0, top as f64 - 1.0];
+    let at = |x: f64, y: f64| warp.displacement(origin[0] + x, origin[1] + y);
+    let span = (WINDOW - 1) as f64;
+    let (start, right, down) = (at(0.0, 0.0), at(span, 0.0), at(0.0, span));
+    let across = [(right[0] - start[0]) / span, (right[1] - start[1]) / span];
+    let along = [(down[0] - start[0]) / span, (down[1] - start[1]) / span];
+    let place = |u: f64, v: f64| {
+        [
+            origin[0] + u + start[0] + off[0] + across[0] * u + along[0] * v,
+            origin[1] + v + start[1] + off[1] + across[1] * u + along[1] * v,
+        ]
+    };
+    // A straight warp is outermost in the corners; a hair of the margin is left to rounding.
+    let inside = |[x, y]: [f64; 2]| {
+        x >= 1.0 && y >= 1.0 && x < width as f64 - 2.0 - 1e-9 && y < height as f64 - 2.0 - 1e-9
+    };
+    if ![(0.0, 0.0), (span, 0.0), (0.0, span), (span, span)]
+        .iter()
+        .all(|&(u, v)| inside(place(u, v)))
+    {
+        return None;
+    }
+    let mut window = [0.0; WINDOW * WINDOW];
+    let step = [[1.0 + across[0], across[1]], [along[0], 1.0 + along[1]]];
+    dispatch!(Level::new(), simd => {
+        interpolate(simd, plane.samples(), width, place(0.0, 0.0), step, &mut window);
+    });
+    Some(window)
+}
+
+/// Cubic interpolation at `start` and on by `step[0]` a column and `step[1]` a row; every place is
+/// at least one sample inside on the left and above, two on the right and below.
+#[inline(always)]
+fn interpolate<S: Simd>(
+    simd: S,
+    samples: &[f32],
+    width: usize,
+    start: [f64; 2],
+    step: [[f64; 2]; 2],
+    window: &mut [f32; WINDOW * WINDOW],
+) {
+    for (row, window) in window.chunks_exact_mut(WINDOW).enumerate() {
+        let row = row as f64;
+        let [left, top] = [start[0] + step[1][0] * row, start[1] + step[1][1] * row];
+        for (column, value) in window.iter_mut().enumerate() {
+            let column = column as f64;
+            let (x, y) = (left + step[0][0] * column, top + step[0][1] * column);
+            let (ix, iy) = ((x as usize).max(1), (y as usize).max(1));
+            let across = weights(simd, (x - ix as f64) as f32);
+            let down = *weights(simd, (y - iy as f64) as f32);
+            // First down, then across: four columns at a time.
+            let taps = &samples[(iy - 1) * width + ix - 1..];
+            let mut columns = f32x4::from_slice(simd, &taps[..4]) * down[0];
+            for (row, weight) in down.iter().enumerate().skip(1) {
+                let taps = f32x4::from_slice(simd, &taps[row * width..][..4]);
+                columns = taps.mul_add(*weight, columns);
+            }
+            let [a, b, c, d] = *(columns * across);
+            *value = (a + b) + (c + d);
+        }
+    }
+}
+
+/// Weights of the four samples around a position `t` of the way from the second to the third, as
+/// [`super::warp::keys`] has them.
+#[inline(always)]
+fn weights<S: Simd>(simd: S, t: f32) -> f32x4<S> {
+    let of = |coefficients: [f32; 4]| f32x4::load_array(simd, coefficients);
+    of([-0.5, 1.5, -1.5, 0.5])
+        .mul_add(t, of([1.0, -2.5, 2.0, -0.5]))
+        .mul_add(t, of([-0.5, 0.0, 0.5, 0.0]))
+        .mul_add(t, of([0.0, 1.0, 0.0, 0.0]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn weights_are_those_that_frames_are_resampled_with() {
+        for step in 0..=64 {
+            let t = step as f32 / 64.0;
+            let found = dispatch!(Level::new(), simd => *weights(simd, t));
+            for (found, expected) in found.iter().zip(super::super::warp::keys(t)) {
+                assert!((found - expected).abs() < 1e-6, "{t}");
+            }
+        }
+    }
+}
