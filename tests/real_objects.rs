@@ -4,7 +4,7 @@
 //! named by `CAPTURED_DATA`, else `../shared/data` beside the workspace, and skip without it.
 
 use captured::eval::report::{CaptureReport, RowReport};
-use captured::eval::{EvalOptions, Report, evaluate};
+use captured::eval::{EvalOptions, Report, ReportFolder, evaluate};
 use captured::folder;
 use std::path::PathBuf;
 
@@ -30,10 +30,12 @@ fn evaluated(name: &str) -> Option<Report> {
     let report = evaluate(&[capture], &options, |_| {}).expect("a real capture can be evaluated");
     eprintln!("{report}");
     if let Some(folder) = std::env::var_os("CAPTURED_CHARTS") {
-        let folder = PathBuf::from(folder).join(name);
+        let folder = PathBuf::from(folder);
         std::fs::create_dir_all(&folder).expect("the charts' folder can be made");
-        captured::eval::write_report(&report, &folder).expect("the report can be written");
-        captured::eval::charts::write_charts(&report, &folder).expect("charts can be written");
+        ReportFolder::begin(&folder.join(name))
+            .expect("the report has a place")
+            .write(&report)
+            .expect("the report can be written");
     }
     Some(report)
 }

@@ -3,7 +3,7 @@
 
 use captured::{
     api::{Fault, FaultKind},
-    commands::CommandLine,
+    commands::{CommandLine, outlive_file_size_limit},
 };
 use clap::Parser;
 use miette::{GraphicalReportHandler, MietteDiagnostic, Severity};
@@ -13,6 +13,8 @@ use std::{
 };
 
 fn main() -> ExitCode {
+    // Without it a limit on file sizes ends the process where it stands, as it does for most.
+    drop(outlive_file_size_limit());
     let command_line = match CommandLine::try_parse() {
         Ok(command_line) => command_line,
         Err(error) => return misunderstood(&error),

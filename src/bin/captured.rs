@@ -2,7 +2,7 @@
 #![forbid(unsafe_code)]
 
 use captured::{
-    commands::read_config,
+    commands::{outlive_file_size_limit, read_config},
     daemon::{bind, serve},
 };
 use clap::Parser;
@@ -34,6 +34,9 @@ fn main() -> miette::Result<()> {
         .with_writer(std::io::stderr)
         .init();
     let arguments = Arguments::parse();
+    outlive_file_size_limit()
+        .into_diagnostic()
+        .wrap_err("signals cannot be handled")?;
     let mut config = read_config(arguments.config.as_deref()).into_diagnostic()?;
     if let Some(device) = arguments.device {
         config.device = device;

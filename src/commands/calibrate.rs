@@ -1,12 +1,9 @@
 //! `calibrate response`: the transfer curve of a camera, from one still scene at several exposures.
 
-use super::{
-    Answer, CommandError,
-    error::{InputError, ResultError},
-    progress::Progress,
-};
+use super::{Answer, CommandError, error::InputError, progress::Progress};
 use crate::{
     folder::{Limits, Samples, decode_limited},
+    output::StagedFile,
     radiometry::recover_response,
 };
 use clap::{Args, Subcommand};
@@ -128,24 +125,5 @@ fn write(out: &Path, curve: &Curve) -> Result<(), CommandError> {
     } else {
         as_toml(curve)?
     };
-    write_new(out, text.as_bytes())
-}
-
-/// Writes a file whole or not at all, and never over another.
-fn write_new(out: &Path, bytes: &[u8]) -> Result<(), CommandError> {
-    use std::io::Write as _;
-    let failed = |source: std::io::Error| ResultError {
-        path: out.to_owned(),
-        problem: format!("cannot be written: {source}"),
-        remedy: "name a new file in a folder that can be written and has space",
-    };
-    let folder = out.parent().filter(|folder| !folder.as_os_str().is_empty());
-    let mut file =
-        tempfile::NamedTempFile::new_in(folder.unwrap_or(Path::new("."))).map_err(failed)?;
-    file.write_all(bytes)
-        .and_then(|()| file.as_file().sync_all())
-        .map_err(failed)?;
-    file.persist_noclobber(out)
-        .map_err(|error| failed(error.error))?;
-    Ok(())
+    Ok(StagedFile::write(out, text.as_bytes())?)
 }

@@ -4,7 +4,7 @@ use super::client::ClientError;
 use crate::{
     api::{Fault, FaultKind, LightError},
     config::ConfigError,
-    eval::EvalError,
+    eval::{EvalError, ReportError},
     folder::{FolderError, ImageError},
     output::CommitError,
     radiometry::ResponseError,
@@ -57,6 +57,8 @@ pub enum CommandError {
     #[error(transparent)]
     Eval(#[from] EvalError),
     #[error(transparent)]
+    Report(#[from] ReportError),
+    #[error(transparent)]
     Folder(#[from] FolderError),
     #[error(transparent)]
     Unwritten(FolderError),
@@ -86,7 +88,9 @@ impl CommandError {
             | Self::Image(_)
             | Self::Response(_)
             | Self::Eval(_) => FaultKind::Input,
-            Self::Result(_) | Self::Unwritten(_) | Self::Commit(_) => FaultKind::Output,
+            Self::Result(_) | Self::Report(_) | Self::Unwritten(_) | Self::Commit(_) => {
+                FaultKind::Output
+            }
             Self::Device(error) => crate::session::kind_of(error),
             Self::Session(error) => return error.fault(),
             Self::Client(error) => return error.fault(),

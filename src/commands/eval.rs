@@ -1,12 +1,12 @@
 //! `eval`: captures with truth, measured.
 
-use super::{Answer, CommandError, error::ResultError, input, progress::Progress};
+use super::{Answer, CommandError, input, progress::Progress};
 use crate::{
     config::Config,
-    eval::{EvalOptions, charts::write_charts, evaluate, write_report},
+    eval::{EvalOptions, ReportFolder, evaluate},
 };
 use clap::Args;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Arguments of `eval`.
 #[derive(Debug, Args)]
@@ -14,13 +14,18 @@ pub struct Eval {
     /// Capture folders, or recordings with their truth beside them (NAME.truth beside NAME.mcap).
     #[arg(value_name = "CAPTURE", required = true)]
     captures: Vec<PathBuf>,
-    /// Folder for report.json, report.csv and the charts; created where it is missing.
+    /// Folder for report.json, report.csv and the charts; an earlier report in it is replaced.
     #[arg(long, value_name = "OUT")]
     report: Option<PathBuf>,
 }
 
 impl Eval {
     pub(super) fn run(self, config: &Config) -> Result<Answer, CommandError> {
+        let folder = self
+            .report
+            .as_deref()
+            .map(ReportFolder::begin)
+            .transpose()?;
         let progress = Progress::of(self.captures.len(), "reading");
         let captures = self
             .captures
@@ -31,11 +36,9 @@ impl Eval {
             progress.doing(now.capture);
             progress.reach(now.captures_done);
         })?;
-        if let Some(folder) = &self.report {
+        if let Some(folder) = folder {
             progress.doing("writing");
-            std::fs::create_dir_all(folder).map_err(|source| unwritten(folder, &source))?;
-            write_report(&report, folder).map_err(|error| unwritten(folder, &error))?;
-            write_charts(&report, folder).map_err(|error| unwritten(folder, &error))?;
+            folder.write(&report)?;
         }
         drop(progress);
         let mut text = report.to_string().trim_end().to_owned();
@@ -46,13 +49,5 @@ impl Eval {
             ));
         }
         Ok(Answer::new(text, &report))
-    }
-}
-
-fn unwritten(folder: &Path, error: &dyn std::fmt::Display) -> ResultError {
-    ResultError {
-        path: folder.to_owned(),
-        problem: error.to_string(),
-        remedy: "name a folder that can be written and has space",
     }
 }

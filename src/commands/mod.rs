@@ -25,6 +25,7 @@ pub use error::CommandError;
 use crate::config::{Config, ConfigError};
 use clap::{Parser, Subcommand};
 use std::path::{Path, PathBuf};
+use tokio::signal::unix::{SignalKind, signal};
 
 /// The configuration read when `--config` is not given and the file exists.
 const SYSTEM_CONFIG: &str = "/etc/captured/captured.toml";
@@ -113,4 +114,18 @@ pub fn read_config(asked: Option<&Path>) -> Result<Config, ConfigError> {
         None if Path::new(SYSTEM_CONFIG).exists() => Config::read(Path::new(SYSTEM_CONFIG)),
         None => Ok(Config::default()),
     }
+}
+
+/// Turns a write beyond the limit on file sizes (`ulimit -f`) into an error like that of a full
+/// disk; by default its signal ends the process in the middle of a result.
+///
+/// # Errors
+/// When the system allows no handler; the default then stays.
+pub fn outlive_file_size_limit() -> std::io::Result<()> {
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_io()
+        .build()?;
+    let _entered = runtime.enter();
+    // The handler outlives both the listener and the runtime.
+    signal(SignalKind::from_raw(libc::SIGXFSZ)).map(drop)
 }

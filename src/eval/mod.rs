@@ -10,6 +10,7 @@ pub mod methods;
 mod photometric;
 mod regions;
 pub mod report;
+mod report_folder;
 mod shadow_error;
 mod ssim;
 mod surface_error;
@@ -20,9 +21,9 @@ pub use evaluation::{EvalError, EvalOptions, Progress, evaluate};
 pub use light_error::{Decibel, GridMismatch, LightError, ScaleFit, light_error};
 pub use regions::{Region, RegionError, band_pixels};
 pub use report::Report;
+pub use report_folder::{ReportError, ReportFolder};
 pub use shadow_error::{ShadowError, ShadowTally};
 pub use surface_error::{NormalError, RoughnessError, normal_error, roughness_error};
-pub use table::{ReportWriteError, write_report};
 
 #[cfg(test)]
 mod golden_tests;

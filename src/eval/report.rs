@@ -22,6 +22,14 @@ pub struct Report {
     pub rows: Vec<RowSummary>,
 }
 
+impl Report {
+    /// Names of the captures, in their order.
+    pub fn capture_names(&self) -> Vec<&str> {
+        let names = self.captures.iter().map(|capture| capture.name.as_str());
+        names.collect()
+    }
+}
+
 /// The machine behind the milliseconds.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Machine {

@@ -1,6 +1,5 @@
 //! Claims about reports, their files and charts, and shadows derived from photographs.
 
-use super::charts::write_charts;
 use super::photometric::MatteFit;
 use super::report::RowFigures;
 use super::*;
@@ -26,8 +25,10 @@ fn every_row_stands_in_the_table_and_those_without_figures_say_why() {
 fn reports_and_charts_are_written_in_every_format() {
     let report = evaluate(&[], &EvalOptions::default(), |_| {}).unwrap();
     let folder = tempfile::tempdir().unwrap();
-    write_report(&report, folder.path()).unwrap();
-    write_charts(&report, folder.path()).unwrap();
+    ReportFolder::begin(folder.path())
+        .unwrap()
+        .write(&report)
+        .unwrap();
     let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
     let json: serde_json::Value = serde_json::from_slice(&read("report.json")).unwrap();
     assert_eq!(json["rows"].as_array().unwrap().len(), 8);
@@ -56,15 +57,36 @@ fn reports_and_charts_are_written_in_every_format() {
 }
 
 #[test]
-fn charts_say_which_file_could_not_be_written() {
+fn an_earlier_report_is_replaced_whole_and_anything_else_is_left_alone() {
     let report = evaluate(&[], &EvalOptions::default(), |_| {}).unwrap();
-    let folder = tempfile::tempdir().unwrap();
-    let gone = folder.path().join("gone");
-    let message = write_charts(&report, &gone).unwrap_err().to_string();
-    assert!(
-        message.contains("gone") && message.contains("writable"),
-        "{message}"
-    );
+    let parent = tempfile::tempdir().unwrap();
+    let folder = parent.path().join("report");
+    ReportFolder::begin(&folder)
+        .unwrap()
+        .write(&report)
+        .unwrap();
+    std::fs::write(
+        folder.join("hemisphere_gone.svg"),
+        "of a capture of last time",
+    )
+    .unwrap();
+    ReportFolder::begin(&folder)
+        .unwrap()
+        .write(&report)
+        .unwrap();
+    assert!(!folder.join("hemisphere_gone.svg").exists());
+
+    std::fs::write(folder.join("thesis.txt"), "mine").unwrap();
+    let Err(refused) = ReportFolder::begin(&folder) else {
+        panic!("a stranger's file does not matter");
+    };
+    assert!(refused.to_string().contains("thesis.txt"), "{refused}");
+    assert!(folder.join("report.json").exists());
+    assert_eq!(std::fs::read_dir(parent.path()).unwrap().count(), 1);
+    let Err(refused) = ReportFolder::begin(&parent.path().join("gone/report")) else {
+        panic!("there is no folder to put it in");
+    };
+    assert!(refused.to_string().contains("gone"), "{refused}");
 }
 
 #[test]

@@ -1,37 +1,23 @@
 //! A report as files and as text: `report.json`, `report.csv`, and a table for the terminal.
 
+use super::charts::ChartError;
 use super::light_error::Decibel;
 use super::report::{CaptureReport, Report, RowFigures, RowReport, ShadowTruth};
 use std::fmt::Write as _;
-use std::io;
-use std::path::{Path, PathBuf};
-use thiserror::Error;
 
-/// A report that could not be written.
-#[derive(Debug, Error)]
-#[error("{path}: {source}; check that the folder is writable and not full")]
-pub struct ReportWriteError {
-    /// The file.
-    pub path: PathBuf,
-    /// The cause.
-    pub source: io::Error,
-}
-
-/// Writes `report.json` and `report.csv` (one line per capture, row and light) into a folder.
+/// `report.json` and `report.csv` (one line per capture, row and light): name and contents.
 ///
 /// # Errors
-/// [`ReportWriteError`] when a file cannot be written.
-pub fn write_report(report: &Report, folder: &Path) -> Result<(), ReportWriteError> {
-    let save = |name: &str, bytes: &[u8]| {
-        let path = folder.join(name);
-        std::fs::write(&path, bytes).map_err(|source| ReportWriteError { path, source })
-    };
-    let json = serde_json::to_vec_pretty(report).map_err(|error| ReportWriteError {
-        path: folder.join("report.json"),
-        source: error.into(),
+/// [`ChartError::Drawing`] for a report that is no JSON, which would be a bug.
+pub(super) fn texts(report: &Report) -> Result<Vec<(String, Vec<u8>)>, ChartError> {
+    let json = serde_json::to_vec_pretty(report).map_err(|error| ChartError::Drawing {
+        chart: "report.json".to_owned(),
+        problem: error.to_string(),
     })?;
-    save("report.json", &json)?;
-    save("report.csv", csv(report).as_bytes())
+    Ok(vec![
+        ("report.json".to_owned(), json),
+        ("report.csv".to_owned(), csv(report).into_bytes()),
+    ])
 }
 
 /// One line per capture, row and light, and one per missing row; empty fields are unknown.

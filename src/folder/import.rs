@@ -1,8 +1,10 @@
 //! Capture folder → recording, with the mask and the truth beside it.
 
 use super::{Capture, FolderError, images, read};
-use crate::output::{Disk, Existing, FileSystem as _, Staging, png};
-use drivers::{DeviceInfo, Frame, Illumination, Pixels, Plane, Settings, recording::Writer};
+use crate::output::{CommitError, Disk, Existing, FileSystem as _, StagedFile, Staging, png};
+use drivers::{
+    DeviceInfo, DriverError, Frame, Illumination, Pixels, Plane, Settings, recording::Writer,
+};
 use std::path::{Path, PathBuf};
 
 /// Largest file of a truth folder that is copied.
@@ -57,15 +59,16 @@ pub fn import(dir: &Path, recording: &Path) -> Result<Imported, FolderError> {
         move |source| FolderError::Io { path, source }
     };
     let capture = read(dir)?;
-    if recording.symlink_metadata().is_ok() {
-        return Err(io(recording)(std::io::ErrorKind::AlreadyExists.into()));
-    }
-    let name = recording.file_name().unwrap_or_default().to_string_lossy();
-    let partial = recording.with_file_name(format!(".partial-{name}-{}", std::process::id()));
+    let staged = StagedFile::begin(recording)?;
     let mut notes = Vec::new();
     let mut made = vec![recording.to_path_buf()];
     let result = (|| {
-        record(dir, &capture, &partial, &mut notes)?;
+        record(dir, &capture, staged.partial(), &mut notes).map_err(|error| match error {
+            FolderError::Recording(DriverError::Io { source, .. }) => {
+                CommitError::unwritten(recording, source).into()
+            }
+            other => other,
+        })?;
         if let Some(mask) = &capture.shot.mask {
             let path = mask_beside(recording);
             let bytes = png::mask(mask).map_err(|error| FolderError::Unwritable {
@@ -83,17 +86,10 @@ pub fn import(dir: &Path, recording: &Path) -> Result<Imported, FolderError> {
             notes.push("The truth lies beside the recording; keep the two together.".into());
             made.push(path);
         }
-        Disk.rename_new(&partial, recording)
-            .map_err(io(recording))?;
-        let parent = recording
-            .parent()
-            .filter(|parent| !parent.as_os_str().is_empty());
-        let parent = parent.unwrap_or(Path::new("."));
-        Disk.sync_dir(parent).map_err(io(parent))
+        Ok(staged.commit()?)
     })();
     if let Err(error) = result {
         // Only what this call made is taken back; the recording is the last to appear.
-        let _ = std::fs::remove_file(&partial);
         for path in &made[1..] {
             let _ = if path.is_dir() {
                 std::fs::remove_dir_all(path)

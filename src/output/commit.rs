@@ -136,6 +136,12 @@ pub enum CommitError {
         /// The folder asked for.
         path: PathBuf,
     },
+    /// A file stands where a new one is to go.
+    #[error("{path}: exists already; choose another name, or move it away")]
+    Taken {
+        /// The file in the way.
+        path: PathBuf,
+    },
     /// Force was given, but the folder holds what this program did not write.
     #[error(
         "{path}: holds {foreign:?}, which is no result of ours, so it is not replaced; choose another folder"
@@ -147,7 +153,7 @@ pub enum CommitError {
         foreign: String,
     },
     /// The path has no last name, as `/` and `..` have none.
-    #[error("{path}: is no name for a new folder; give one, such as results/")]
+    #[error("{path}: is no name for a new file or folder; give one, such as results")]
     Name {
         /// The folder asked for.
         path: PathBuf,
@@ -164,6 +170,17 @@ pub enum CommitError {
         /// The cause.
         source: io::Error,
     },
+}
+
+impl CommitError {
+    /// For contents that could not be written.
+    pub fn unwritten(path: &Path, source: io::Error) -> Self {
+        Self::Io {
+            path: path.to_owned(),
+            action: "write it",
+            source,
+        }
+    }
 }
 
 /// What to do with a folder that stands where the new one goes; an empty one never matters.
@@ -299,11 +316,7 @@ impl<'a> Staging<'a> {
     pub fn put(&mut self, name: &str, bytes: &[u8]) -> Result<(), CommitError> {
         self.disk
             .write_new(&self.partial.join(name), bytes)
-            .map_err(|source| CommitError::Io {
-                path: self.target.join(name),
-                action: "write it",
-                source,
-            })?;
+            .map_err(|source| CommitError::unwritten(&self.target.join(name), source))?;
         self.files.push(FileEntry {
             name: name.into(),
             bytes: bytes.len() as u64,

@@ -43,13 +43,7 @@ pub fn fraction(plane: &Plane<f32>) -> Result<Vec<u8>, EncodeError> {
         .par_iter()
         .map(|v| (v * 255.0).round() as u8)
         .collect();
-    encode(
-        plane.size(),
-        ::png::ColorType::Grayscale,
-        ::png::BitDepth::Eight,
-        false,
-        &bytes,
-    )
+    gray8(plane.size(), &bytes)
 }
 
 /// 8-bit sRGB as it stands.
@@ -96,12 +90,16 @@ pub fn mask(plane: &Plane<bool>) -> Result<Vec<u8>, EncodeError> {
         .iter()
         .map(|&set| if set { 255 } else { 0 })
         .collect();
+    gray8(plane.size(), &bytes)
+}
+
+fn gray8(size: (usize, usize), bytes: &[u8]) -> Result<Vec<u8>, EncodeError> {
     encode(
-        plane.size(),
+        size,
         ::png::ColorType::Grayscale,
         ::png::BitDepth::Eight,
         false,
-        &bytes,
+        bytes,
     )
 }
 

@@ -3,6 +3,8 @@
 mod answers;
 mod bad_input;
 mod capture;
+mod full_disk;
+mod json;
 mod lamps;
 
 use std::{
@@ -55,19 +57,27 @@ impl Ran {
     }
 }
 
-/// Runs `capturectl` in `folder`, away from any daemon and configuration of this machine.
-pub fn capturectl<S: AsRef<str>>(folder: &Path, arguments: &[S]) -> Ran {
-    let output = Command::new(env!("CARGO_BIN_EXE_capturectl"))
-        .args(arguments.iter().map(AsRef::as_ref))
+/// `capturectl` in `folder`, away from any daemon and configuration of this machine.
+fn command(folder: &Path) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_capturectl"));
+    command
         .current_dir(folder)
         .env("XDG_RUNTIME_DIR", folder)
         .env_remove("RUNTIME_DIRECTORY")
-        .env("COLUMNS", "400")
+        .env("COLUMNS", "400");
+    command
+}
+
+/// Runs `capturectl` in `folder`.
+pub fn capturectl<S: AsRef<str>>(folder: &Path, arguments: &[S]) -> Ran {
+    let output = command(folder)
+        .args(arguments.iter().map(AsRef::as_ref))
         .output()
         .expect("capturectl is built");
     ran(&output)
 }
 
+/// What it answered.
 fn ran(output: &Output) -> Ran {
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     let err: String = text(&output.stderr)

@@ -3,8 +3,6 @@
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::{FontStyle, register_font};
-use std::io;
-use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use thiserror::Error;
 
@@ -19,7 +17,7 @@ pub(super) const FAINT: RGBColor = RGBColor(0x76, 0x76, 0x76);
 /// Grid lines.
 pub(super) const HAIR: RGBColor = RGBColor(0xd4, 0xd4, 0xd4);
 
-/// Why a chart could not be written.
+/// Why a chart could not be drawn.
 #[derive(Debug, Error)]
 pub enum ChartError {
     /// The picture could not be drawn: a bug of this room.
@@ -29,14 +27,6 @@ pub enum ChartError {
         chart: String,
         /// What the backend said.
         problem: String,
-    },
-    /// The file could not be written.
-    #[error("{path}: {source}; check that the folder is writable and not full")]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// The cause.
-        source: io::Error,
     },
 }
 
@@ -52,8 +42,8 @@ pub(super) trait Chart {
 pub(super) type Canvas<B> = DrawingArea<B, Shift>;
 pub(super) type Drawn<B> = Result<(), DrawingAreaErrorKind<<B as DrawingBackend>::ErrorType>>;
 
-/// Writes `STEM.svg` and `STEM.png` into a folder.
-pub(super) fn write(chart: &impl Chart, folder: &Path, stem: &str) -> Result<(), ChartError> {
+/// `STEM.svg` and `STEM.png`: name and contents.
+pub(super) fn encode(chart: &impl Chart, stem: &str) -> Result<[(String, Vec<u8>); 2], ChartError> {
     let drawing = |problem: String| ChartError::Drawing {
         chart: stem.to_owned(),
         problem,
@@ -65,14 +55,16 @@ pub(super) fn write(chart: &impl Chart, folder: &Path, stem: &str) -> Result<(),
     let area = SVGBackend::with_string(&mut svg, (width, height)).into_drawing_area();
     draw_on(chart, &area).map_err(|error| drawing(error.to_string()))?;
     drop(area);
-    save(&folder.join(format!("{stem}.svg")), svg.as_bytes())?;
 
     let mut pixels = vec![255; 3 * width as usize * height as usize];
     let area = BitMapBackend::with_buffer(&mut pixels, (width, height)).into_drawing_area();
     draw_on(chart, &area).map_err(|error| drawing(error.to_string()))?;
     drop(area);
     let png = encoded(&pixels, width, height).map_err(|error| drawing(error.to_string()))?;
-    save(&folder.join(format!("{stem}.png")), &png)
+    Ok([
+        (format!("{stem}.svg"), svg.into_bytes()),
+        (format!("{stem}.png"), png),
+    ])
 }
 
 fn draw_on<B: DrawingBackend>(chart: &impl Chart, area: &Canvas<B>) -> Drawn<B> {
@@ -88,13 +80,6 @@ fn encoded(pixels: &[u8], width: u32, height: u32) -> Result<Vec<u8>, png::Encod
     encoder.set_depth(png::BitDepth::Eight);
     encoder.write_header()?.write_image_data(pixels)?;
     Ok(bytes)
-}
-
-fn save(path: &Path, bytes: &[u8]) -> Result<(), ChartError> {
-    std::fs::write(path, bytes).map_err(|source| ChartError::Io {
-        path: path.to_owned(),
-        source,
-    })
 }
 
 /// Makes the bundled font known, once.

@@ -7,28 +7,35 @@ mod speed_accuracy;
 
 use super::report::Report;
 pub use canvas::ChartError;
-use std::path::Path;
 
-/// Writes every chart of a report into a folder, each as PNG and as SVG: `rows`,
-/// `speed_accuracy`, and one `hemisphere_CAPTURE` per capture with lights.
+/// Draws every chart of a report, each as PNG and as SVG: `rows`, `speed_accuracy`, and one
+/// `hemisphere_CAPTURE` per capture with lights. File names and contents; no name comes twice.
 ///
 /// # Errors
-/// [`ChartError::Io`] when a file cannot be written; [`ChartError::Drawing`] when a picture cannot
-/// be drawn.
-pub fn write_charts(report: &Report, folder: &Path) -> Result<(), ChartError> {
-    canvas::write(&row_table::RowTable::new(report), folder, "rows")?;
-    canvas::write(
+/// [`ChartError::Drawing`] when a picture cannot be drawn.
+pub fn draw(report: &Report) -> Result<Vec<(String, Vec<u8>)>, ChartError> {
+    let mut files = Vec::new();
+    files.extend(canvas::encode(&row_table::RowTable::new(report), "rows")?);
+    files.extend(canvas::encode(
         &speed_accuracy::SpeedAccuracy::new(report),
-        folder,
         "speed_accuracy",
-    )?;
+    )?);
+    let mut stems: Vec<String> = Vec::new();
     for capture in report
         .captures
         .iter()
         .filter(|capture| !capture.rows.is_empty())
     {
-        let stem = format!("hemisphere_{}", capture.name);
-        canvas::write(&hemisphere::Hemisphere::new(capture), folder, &stem)?;
+        let mut stem = format!("hemisphere_{}", capture.name);
+        // Captures of one name from several folders.
+        while stems.contains(&stem) {
+            stem.push('_');
+        }
+        files.extend(canvas::encode(
+            &hemisphere::Hemisphere::new(capture),
+            &stem,
+        )?);
+        stems.push(stem);
     }
-    Ok(())
+    Ok(files)
 }

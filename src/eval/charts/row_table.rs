@@ -140,12 +140,7 @@ impl Chart for RowTable<'_> {
             ))?;
             area.draw_text(name, &text(9, INK, HPos::Left, VPos::Center), (30, y + 4))
         };
-        let names: Vec<&str> = self
-            .report
-            .captures
-            .iter()
-            .map(|capture| capture.name.as_str())
-            .collect();
+        let names = self.report.capture_names();
         let all = match names.as_slice() {
             [one] => (*one).to_owned(),
             several => format!("mean over captures: {}", named(several)),

@@ -206,12 +206,7 @@ impl Chart for SpeedAccuracy<'_> {
     fn draw<B: DrawingBackend>(&self, area: &Canvas<B>) -> Drawn<B> {
         heading(area, "Speed against accuracy of relighting", 13, (30, 14))?;
         let machine = &self.report.machine;
-        let names: Vec<&str> = self
-            .report
-            .captures
-            .iter()
-            .map(|capture| capture.name.as_str())
-            .collect();
+        let names = self.report.capture_names();
         let build = if machine.release_build {
             "release build"
         } else {

@@ -1,0 +1,55 @@
+//! A report as a folder of files, whole or not at all.
+
+use super::charts::{self, ChartError};
+use super::report::Report;
+use super::table;
+use crate::output::{CommitError, Disk, Existing, Staging};
+use std::path::Path;
+use thiserror::Error;
+
+/// Why a report was not written; nothing of it is left behind.
+#[derive(Debug, Error)]
+#[expect(missing_docs, reason = "each is what its type says")]
+pub enum ReportError {
+    #[error(transparent)]
+    Chart(#[from] ChartError),
+    #[error(transparent)]
+    Commit(#[from] CommitError),
+}
+
+/// A folder for a report that is still being measured; dropped, it leaves nothing behind.
+pub struct ReportFolder(Staging<'static>);
+
+impl ReportFolder {
+    /// Opens `folder`, before hours are spent on what could not be written.
+    ///
+    /// An earlier report in it is replaced by [`Self::write`]; anything else is left alone.
+    ///
+    /// # Errors
+    /// [`CommitError`] when it holds other files or cannot be written.
+    pub fn begin(folder: &Path) -> Result<Self, CommitError> {
+        Staging::begin(&Disk, folder, Existing::Replace, is_ours).map(Self)
+    }
+
+    /// Writes `report.json`, `report.csv` and the charts, and gives the folder its name.
+    ///
+    /// # Errors
+    /// [`ReportError`].
+    pub fn write(mut self, report: &Report) -> Result<(), ReportError> {
+        for (name, bytes) in table::texts(report)?.iter().chain(&charts::draw(report)?) {
+            self.0.put(name, bytes)?;
+        }
+        Ok(self.0.commit()?)
+    }
+}
+
+/// Whether a report may have a file of this name.
+fn is_ours(name: &str) -> bool {
+    match name.rsplit_once('.') {
+        Some(("report", "json" | "csv")) => true,
+        Some((stem, "png" | "svg")) => {
+            stem.starts_with("hemisphere_") || ["rows", "speed_accuracy"].contains(&stem)
+        }
+        _ => false,
+    }
+}
