@@ -1,6 +1,6 @@
-//! A directional light as a person gives it, and the checks every list of them passes.
+//! Lights as people and scripts give them, and the checks every list of them passes.
 
-use crate::relight::{Lamp, LampError};
+use crate::relight::{Environment, EnvironmentError, Lamp, LampError};
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
 use thiserror::Error;
@@ -30,6 +30,66 @@ impl Light {
     }
 }
 
+/// Light from all around, as distant lights.
+///
+/// A map has millions of pixels, but each cell of the visibility map sees one light from it: so
+/// many are sent in a few kilobytes, and whoever develops the shot needs no rights in the map's
+/// folder.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EnvironmentLight {
+    /// What it is called in the results; at most 100 characters.
+    pub name: String,
+    /// Its lights; those further than 20° behind the scene light nothing.
+    pub lights: Vec<Light>,
+}
+
+impl EnvironmentLight {
+    /// Most characters of a name.
+    pub const LONGEST_NAME: usize = 100;
+
+    /// The lights of `environment`.
+    pub fn new(name: &str, environment: &Environment) -> Self {
+        let lights = environment.lamps().map(|lamp| Light {
+            direction: lamp.person_direction(),
+            intensity: lamp.color,
+        });
+        Self {
+            name: name
+                .chars()
+                .filter(|letter| !letter.is_control())
+                .take(Self::LONGEST_NAME)
+                .collect(),
+            lights: lights.collect(),
+        }
+    }
+
+    /// The environment it means.
+    ///
+    /// # Errors
+    /// [`LightError`] for a name or a light that means nothing, or when nothing is lit.
+    fn check(&self) -> Result<Environment, LightError> {
+        let said = |problem: String| LightError::Environment {
+            name: self.name.chars().take(Self::LONGEST_NAME).collect(),
+            problem,
+        };
+        if self.name.chars().count() > Self::LONGEST_NAME || self.name.contains(char::is_control) {
+            return Err(said("the name is no line of 100 characters".to_owned()));
+        }
+        let lamp = |(index, light): (usize, &Light)| {
+            let lamp = light.lamp();
+            lamp.map_err(|fault| said(format!("light {index}: {fault}")))
+        };
+        let lamps: Vec<Lamp> = self
+            .lights
+            .iter()
+            .enumerate()
+            .map(lamp)
+            .collect::<Result<_, _>>()?;
+        Environment::from_lamps(&lamps).map_err(|error: EnvironmentError| said(error.to_string()))
+    }
+}
+
 /// Why a light cannot be used.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[expect(missing_docs, reason = "the messages say it")]
@@ -42,6 +102,8 @@ pub enum LightError {
         "no light given; add --light x,y,z (x right, y up, z toward the camera), --lights FILE or --environment MAP"
     )]
     None,
+    #[error("environment {name:?}: {problem}")]
+    Environment { name: String, problem: String },
     #[error("{found} lights given, at most {limit} are taken at once; ask in several goes")]
     TooMany { found: usize, limit: usize },
 }
@@ -78,16 +140,22 @@ impl Light {
 pub struct CheckedLights {
     /// In the order given.
     pub lamps: Vec<Lamp>,
+    /// Light from all around and what it is called.
+    pub environment: Option<(String, Environment)>,
     /// One sentence for each light whose answer deserves little trust.
     pub warnings: Vec<String>,
 }
 
 impl CheckedLights {
-    /// Checks a list of at most `limit` lights; an empty list passes.
+    /// Checks a list of at most `limit` lights, and light from all around; both may be missing.
     ///
     /// # Errors
     /// [`LightError`] for the first light that means nothing, or when there are too many.
-    pub fn new(lights: &[Light], limit: usize) -> Result<Self, LightError> {
+    pub fn new(
+        lights: &[Light],
+        limit: usize,
+        environment: Option<&EnvironmentLight>,
+    ) -> Result<Self, LightError> {
         if lights.len() > limit {
             return Err(LightError::TooMany {
                 found: lights.len(),
@@ -108,13 +176,26 @@ impl CheckedLights {
                 ));
             }
         }
-        Ok(Self { lamps, warnings })
+        let environment = environment
+            .map(|light| Ok((light.name.clone(), light.check()?)))
+            .transpose()?;
+        Ok(Self {
+            lamps,
+            environment,
+            warnings,
+        })
+    }
+
+    /// True when there is nothing to light with.
+    pub fn is_empty(&self) -> bool {
+        self.lamps.is_empty() && self.environment.is_none()
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use drivers::Plane;
     use proptest::prelude::*;
 
     #[test]
@@ -142,7 +223,7 @@ mod tests {
     #[test]
     fn a_light_that_means_nothing_is_refused_with_its_index() {
         let front = Light::from_direction([0.0, 0.0, 1.0]);
-        let refused = |light| CheckedLights::new(&[front, light], 9).unwrap_err();
+        let refused = |light| CheckedLights::new(&[front, light], 9, None).unwrap_err();
         for text in ["nan,0,1", "0,0,inf", "1e99,0,1", "0,0,0"] {
             let error = refused(text.parse().unwrap());
             assert!(
@@ -165,7 +246,7 @@ mod tests {
 
     #[test]
     fn a_light_from_behind_is_answered_with_a_warning_and_one_from_the_front_is_not() {
-        let of = |z| CheckedLights::new(&[Light::from_direction([0.3, 0.0, z])], 1).unwrap();
+        let of = |z| CheckedLights::new(&[Light::from_direction([0.3, 0.0, z])], 1, None).unwrap();
         assert_eq!(of(0.5).warnings.len(), 0);
         assert_eq!(of(-0.5).warnings.len(), 1);
         assert_eq!(of(0.0).warnings.len(), 1);
@@ -175,9 +256,51 @@ mod tests {
     fn more_lights_than_the_limit_are_refused() {
         let many = [Light::from_direction([0.0, 0.0, 1.0]); 3];
         assert_eq!(
-            CheckedLights::new(&many, 2),
+            CheckedLights::new(&many, 2, None),
             Err(LightError::TooMany { found: 3, limit: 2 })
         );
+    }
+
+    #[test]
+    fn an_environment_survives_being_sent() {
+        let map = Plane::from_fn(64, 32, |x, y| [(x % 7) as f32, (y % 5) as f32, 0.3]);
+        let sent = EnvironmentLight::new("sky\n", &Environment::new(&map).unwrap());
+        assert_eq!(sent.name, "sky");
+        let text = serde_json::to_string(&sent).unwrap();
+        assert!(text.len() < 40_000, "{} bytes", text.len());
+        let heard: EnvironmentLight = serde_json::from_str(&text).unwrap();
+        assert_eq!(heard, sent);
+        let (_, environment) = CheckedLights::new(&[], 0, Some(&heard))
+            .unwrap()
+            .environment
+            .unwrap();
+        let power = |environment: &Environment| -> f32 {
+            environment
+                .lamps()
+                .map(|lamp| lamp.color.iter().sum::<f32>())
+                .sum()
+        };
+        let before = power(&Environment::new(&map).unwrap());
+        assert!((power(&environment) / before - 1.0).abs() < 1e-5);
+    }
+
+    #[test]
+    fn an_environment_that_means_nothing_is_refused_by_name() {
+        let refused = |name: &str, lights: Vec<Light>| {
+            let environment = EnvironmentLight {
+                name: name.to_owned(),
+                lights,
+            };
+            CheckedLights::new(&[], 9, Some(&environment))
+                .unwrap_err()
+                .to_string()
+        };
+        let behind = Light::from_direction([0.0, 0.0, -1.0]);
+        assert!(refused("night", vec![behind]).contains("night"));
+        assert!(refused("night", Vec::new()).contains("sends no light"));
+        let nowhere = Light::from_direction([0.0; 3]);
+        assert!(refused("night", vec![behind, nowhere]).contains("light 1"));
+        assert!(refused(&"n".repeat(101), vec![behind]).contains("100 characters"));
     }
 
     proptest! {

@@ -5,7 +5,7 @@
 
 mod light;
 
-pub use light::{CheckedLights, Light, LightError};
+pub use light::{CheckedLights, EnvironmentLight, Light, LightError};
 
 use crate::output::Manifest;
 use drivers::DeviceInfo;
@@ -15,10 +15,13 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ShotRequest {
-    /// Develop the shot and show it under `lights`; false keeps the raw frames alone.
+    /// Develop the shot and show it under `lights` and `environment`; false keeps the raw frames alone.
     pub relight: bool,
     /// Lights to show it under, in the order of the numbered results.
     pub lights: Vec<Light>,
+    /// Light from all around, whose result comes last.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub environment: Option<EnvironmentLight>,
 }
 
 /// What became of a shot that was asked for.

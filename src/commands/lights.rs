@@ -1,7 +1,11 @@
-//! Lights from the command line: `--light`, `--lights FILE`.
+//! Lights from the command line: `--light`, `--lights FILE`, `--environment MAP`.
 
 use super::error::{CommandError, InputError};
-use crate::api::{CheckedLights, Light, LightError};
+use crate::{
+    api::{EnvironmentLight, Light, LightError},
+    folder::{self, Samples, decode_limited},
+    relight::Environment,
+};
 use clap::Args;
 use serde::Deserialize;
 use std::{
@@ -10,8 +14,6 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// Most lights one command takes.
-const MOST_LIGHTS: usize = 4096;
 /// Largest file of lights, bytes.
 const LARGEST_FILE: u64 = 1 << 20;
 
@@ -24,6 +26,9 @@ pub struct LightArguments {
     /// A TOML file of lights: [[light]] direction = [x, y, z], intensity = [r, g, b] (optional).
     #[arg(long = "lights", value_name = "FILE")]
     lights: Option<PathBuf>,
+    /// A map of the light all around, .hdr or .exr, twice as wide as high.
+    #[arg(long, value_name = "MAP")]
+    environment: Option<PathBuf>,
 }
 
 /// The file of `--lights`; the same keys as a capture folder's `truth/lights.toml`.
@@ -60,10 +65,37 @@ impl LightArguments {
         Ok(lights)
     }
 
-    /// The lights, each of them checked.
-    pub fn check(&self) -> Result<CheckedLights, CommandError> {
-        Ok(CheckedLights::new(&self.read()?, MOST_LIGHTS)?)
+    /// Light from all around, where a map of it is given.
+    pub fn read_environment(&self) -> Result<Option<EnvironmentLight>, CommandError> {
+        self.environment.as_deref().map(read_map).transpose()
     }
+}
+
+/// Reads a latitude–longitude map of scene-linear light.
+fn read_map(path: &Path) -> Result<EnvironmentLight, CommandError> {
+    let refused = |problem: String, remedy: &'static str| InputError {
+        path: path.to_owned(),
+        problem,
+        remedy,
+    };
+    let radiance = match decode_limited(path, None, folder::Limits::default())?.samples {
+        Samples::RgbF32(plane) => plane,
+        Samples::GrayF32(plane) => plane.map(|value| [*value; 3]),
+        other => {
+            let problem = format!("holds {}", other.describe());
+            return Err(refused(problem, "give a map of linear light: .hdr or .exr").into());
+        }
+    };
+    let environment = Environment::new(&radiance).map_err(|error| {
+        refused(
+            error.to_string(),
+            "give a latitude–longitude map, twice as wide as high",
+        )
+    })?;
+    let name = path
+        .file_stem()
+        .map_or_else(|| "environment".into(), |name| name.to_string_lossy());
+    Ok(EnvironmentLight::new(&name, &environment))
 }
 
 fn read_file(path: &Path) -> Result<Vec<Light>, CommandError> {
@@ -111,6 +143,7 @@ mod tests {
         let arguments = LightArguments {
             light: vec!["1,0,1".into()],
             lights: Some(path),
+            environment: None,
         };
         let lights = arguments.read().unwrap();
         assert_eq!(lights.len(), 3);
@@ -131,6 +164,7 @@ mod tests {
             let arguments = LightArguments {
                 light: vec![],
                 lights: Some(path.clone()),
+                environment: None,
             };
             let message = arguments.read().unwrap_err().to_string();
             assert!(

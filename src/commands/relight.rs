@@ -2,22 +2,22 @@
 
 use super::{
     Answer, CommandError,
-    error::InputError,
     input::{self, Input},
     lights::LightArguments,
     progress::Progress,
 };
 use crate::{
-    api::LightError,
+    api::{CheckedLights, LightError},
     config::Config,
     darkroom::{self, Order, Source},
-    folder::{Limits, Samples, decode_limited},
     output::{Existing, manifest::MANIFEST},
-    relight::Environment,
     session,
 };
 use clap::Args;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
+
+/// Most lights one command takes.
+const MOST_LIGHTS: usize = 4096;
 
 /// Arguments of `relight`.
 #[derive(Debug, Args)]
@@ -27,9 +27,6 @@ pub struct Relight {
     input: PathBuf,
     #[command(flatten)]
     lights: LightArguments,
-    /// A map of the light all around, .hdr or .exr, twice as wide as high.
-    #[arg(long, value_name = "MAP")]
-    environment: Option<PathBuf>,
     /// Folder for the results; must not exist yet, or be empty.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -40,17 +37,12 @@ pub struct Relight {
 
 impl Relight {
     pub(super) fn run(self, config: &Config) -> Result<Answer, CommandError> {
-        let lights = self.lights.check()?;
-        if lights.lamps.is_empty() && self.environment.is_none() {
+        let progress = Progress::of_unknown("reading");
+        let environment = self.lights.read_environment()?;
+        let lights = CheckedLights::new(&self.lights.read()?, MOST_LIGHTS, environment.as_ref())?;
+        if lights.is_empty() {
             return Err(LightError::None.into());
         }
-        let progress = Progress::of_unknown("reading");
-        let environment = self
-            .environment
-            .as_deref()
-            .map(read_environment)
-            .transpose()?;
-        let named = self.environment.as_deref().map(environment_label);
         let Input { capture, drops } = input::read(&self.input, config)?;
         let order = Order {
             shot: &capture.shot,
@@ -59,7 +51,10 @@ impl Relight {
                 drops,
             },
             lamps: &lights.lamps,
-            environment: named.as_deref().zip(environment.as_ref()),
+            environment: lights
+                .environment
+                .as_ref()
+                .map(|(name, environment)| (name.as_str(), environment)),
             warnings: lights.warnings,
             attachments: &[],
         };
@@ -93,34 +88,4 @@ impl Relight {
         let json = serde_json::json!({ "out": self.out, "shot": manifest });
         Ok(Answer::new(lines.join("\n"), &json).with_warnings(manifest.warnings))
     }
-}
-
-/// Reads a latitude–longitude map of scene-linear light.
-fn read_environment(path: &Path) -> Result<Environment, CommandError> {
-    let radiance = match decode_limited(path, None, Limits::default())?.samples {
-        Samples::RgbF32(plane) => plane,
-        Samples::GrayF32(plane) => plane.map(|value| [*value; 3]),
-        other => {
-            return Err(InputError {
-                path: path.to_owned(),
-                problem: format!("holds {}", other.describe()),
-                remedy: "give a map of linear light: .hdr or .exr",
-            }
-            .into());
-        }
-    };
-    Environment::new(&radiance).map_err(|error| {
-        InputError {
-            path: path.to_owned(),
-            problem: error.to_string(),
-            remedy: "give a latitude–longitude map, twice as wide as high",
-        }
-        .into()
-    })
-}
-
-fn environment_label(path: &Path) -> String {
-    path.file_stem()
-        .map_or_else(|| "environment".into(), |name| name.to_string_lossy())
-        .into_owned()
 }

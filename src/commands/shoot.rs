@@ -42,18 +42,24 @@ struct Told {
 
 impl Shoot {
     pub(super) fn run(self, config: &Config) -> Result<Answer, CommandError> {
-        let mut lights = self.lights.read()?;
-        if !self.relight && !lights.is_empty() {
+        let mut request = ShotRequest {
+            relight: self.relight,
+            lights: self.lights.read()?,
+            environment: self.lights.read_environment()?,
+        };
+        let dark = request.lights.is_empty() && request.environment.is_none();
+        if !self.relight && !dark {
             return Err(CommandError::Arguments(
-                "--light is given without --relight; add --relight".to_owned(),
+                "a light is given without --relight; add --relight".to_owned(),
             ));
         }
-        if self.relight && lights.is_empty() {
-            lights.push(USUAL_LIGHT);
+        if self.relight && dark {
+            request.lights.push(USUAL_LIGHT);
         }
-        let checked = CheckedLights::new(&lights, config.limits.lights)?;
+        let limit = config.limits.lights;
+        let checked = CheckedLights::new(&request.lights, limit, request.environment.as_ref())?;
         let told = match self.daemon(config)? {
-            Some(client) => self.through(&client, config, lights)?,
+            Some(client) => self.through(&client, config, &request)?,
             None => self.within(config, &checked)?,
         };
         let Told {
@@ -93,15 +99,11 @@ impl Shoot {
         &self,
         client: &Client,
         config: &Config,
-        lights: Vec<Light>,
+        request: &ShotRequest,
     ) -> Result<Told, CommandError> {
         // Before the flash fires: a folder in the way should cost no shot.
         let mut staging = Staging::begin(&Disk, &self.out, Existing::Refuse, |_| false)?;
         let progress = Progress::of_unknown("the daemon takes the shot");
-        let request = ShotRequest {
-            relight: self.relight,
-            lights,
-        };
         let patience = config.limits.request_time() + Duration::from_secs(5);
         let ShotReply {
             id,
@@ -109,7 +111,7 @@ impl Shoot {
             files,
             warnings,
             shot: manifest,
-        } = client.shoot(&request, patience)?;
+        } = client.shoot(request, patience)?;
         for file in &files {
             progress.doing(file);
             let bytes = client.file(&id, file)?;

@@ -149,14 +149,15 @@ async fn take_and_keep(daemon: &Arc<Daemon>, body: &[u8]) -> Result<ShotReply, F
     };
     let request: ShotRequest = serde_json::from_slice(body)
         .map_err(|error| request_fault(format!("the request's JSON: {error}")))?;
-    let lights = CheckedLights::new(&request.lights, daemon.config.limits.lights)
+    let environment = request.environment.as_ref();
+    let lights = CheckedLights::new(&request.lights, daemon.config.limits.lights, environment)
         .map_err(|error| request_fault(error.to_string()))?;
-    if !request.relight && !request.lights.is_empty() {
+    if !request.relight && !lights.is_empty() {
         return Err(request_fault(
             "lights: given, but relight is false; set relight to true".to_owned(),
         ));
     }
-    if request.relight && lights.lamps.is_empty() {
+    if request.relight && lights.is_empty() {
         return Err(request_fault(LightError::None.to_string()));
     }
     let taken = daemon.camera.shoot().await?;

@@ -38,7 +38,7 @@ pub enum EnvironmentError {
 }
 
 /// An environment, gathered into the cells of the visibility map.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Environment {
     /// One lamp per cell with light in it.
     lamps: Vec<Option<Lamp>>,
@@ -58,8 +58,7 @@ impl Environment {
         if height == 0 || width != 2 * height {
             return Err(EnvironmentError::Shape(width, height));
         }
-        let mut colors = [[0.0f64; 3]; DIRECTIONS];
-        let mut centroids = [Vec3::ZERO; DIRECTIONS];
+        let mut gathered = Gathered::default();
         for y in 0..height {
             let latitude = std::f32::consts::PI * (0.5 - (y as f32 + 0.5) / height as f32);
             let (sin_latitude, cos_latitude) = latitude.sin_cos();
@@ -78,25 +77,23 @@ impl Environment {
                     -sin_latitude,
                     cos_latitude * longitude.cos(),
                 );
-                let Some(cell) = cell(toward) else { continue };
-                for (color, value) in colors[cell].iter_mut().zip(pixel) {
-                    *color += f64::from(value) * share;
-                }
-                centroids[cell] += toward * (pixel.iter().sum::<f32>() * share as f32);
+                gathered.add(toward, pixel, share);
             }
         }
-        let lamps: Vec<Option<Lamp>> = colors
-            .iter()
-            .zip(centroids)
-            .map(|(color, centroid)| {
-                let lamp = Lamp::from_person([centroid.x, -centroid.y, -centroid.z]).ok()?;
-                lamp.with_color(color.map(|value| value as f32)).ok()
-            })
-            .collect();
-        if lamps.iter().all(Option::is_none) {
-            return Err(EnvironmentError::Dark);
+        gathered.lamps()
+    }
+
+    /// Gathers distant lamps, such as [`Self::lamps`] of another environment: those of one cell
+    /// become one at their centroid.
+    ///
+    /// # Errors
+    /// [`EnvironmentError::Dark`] when none of them lights what the camera sees.
+    pub fn from_lamps(lamps: &[Lamp]) -> Result<Self, EnvironmentError> {
+        let mut gathered = Gathered::default();
+        for lamp in lamps {
+            gathered.add(lamp.toward(), lamp.color, 1.0);
         }
-        Ok(Self { lamps })
+        gathered.lamps()
     }
 
     /// The lamps that stand for the environment.
@@ -114,6 +111,48 @@ impl Environment {
         strong.sort_by(|&a, &b| power(&self.lamps[b]).total_cmp(&power(&self.lamps[a])));
         strong.truncate(STRONG_LIGHTS);
         strong
+    }
+}
+
+/// Light summed by cell.
+struct Gathered {
+    colors: [[f64; 3]; DIRECTIONS],
+    centroids: [Vec3; DIRECTIONS],
+}
+
+impl Default for Gathered {
+    fn default() -> Self {
+        Self {
+            colors: [[0.0; 3]; DIRECTIONS],
+            centroids: [Vec3::ZERO; DIRECTIONS],
+        }
+    }
+}
+
+impl Gathered {
+    /// Adds `share` of the light `color` from `toward`, unless it is too far behind the scene.
+    fn add(&mut self, toward: Vec3, color: [f32; 3], share: f64) {
+        let Some(cell) = cell(toward) else { return };
+        for (sum, value) in self.colors[cell].iter_mut().zip(color) {
+            *sum += f64::from(value) * share;
+        }
+        self.centroids[cell] += toward * (color.iter().sum::<f32>() * share as f32);
+    }
+
+    fn lamps(self) -> Result<Environment, EnvironmentError> {
+        let lamps: Vec<Option<Lamp>> = self
+            .colors
+            .iter()
+            .zip(self.centroids)
+            .map(|(color, centroid)| {
+                let lamp = Lamp::from_person([centroid.x, -centroid.y, -centroid.z]).ok()?;
+                lamp.with_color(color.map(|value| value as f32)).ok()
+            })
+            .collect();
+        if lamps.iter().all(Option::is_none) {
+            return Err(EnvironmentError::Dark);
+        }
+        Ok(Environment { lamps })
     }
 }
 

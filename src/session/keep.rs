@@ -4,7 +4,9 @@ use super::{SessionError, Taken};
 use crate::{
     api::CheckedLights,
     darkroom::{self, Order, Source},
-    output::{Disk, Existing, FRAMES, Manifest, OutputError, Staging, manifest::MANIFEST},
+    output::{
+        CommitError, Disk, Existing, FRAMES, Manifest, OutputError, Staging, manifest::MANIFEST,
+    },
 };
 use drivers::{DriverError, Frame, recording::Writer};
 use std::path::Path;
@@ -45,7 +47,10 @@ pub fn keep(
                     drops: Some(taken.drops),
                 },
                 lamps: &lights.lamps,
-                environment: None,
+                environment: lights
+                    .environment
+                    .as_ref()
+                    .map(|(name, environment)| (name.as_str(), environment)),
                 warnings: lights.warnings.clone(),
                 attachments: &[(FRAMES, &frames)],
             };
@@ -102,15 +107,19 @@ fn recording_of(taken: &Taken) -> Result<Vec<u8>, SessionError> {
     frames.push(Frame::Depth(shot.depth.clone()));
     frames.sort_by_key(Frame::at);
 
-    let folder = tempfile::tempdir().map_err(|source| DriverError::Io {
-        path: std::env::temp_dir(),
-        source,
-    })?;
+    let unwritten = |path: &Path, source| SessionError::from(CommitError::unwritten(path, source));
+    let folder = tempfile::tempdir().map_err(|error| unwritten(&std::env::temp_dir(), error))?;
     let path = folder.path().join(FRAMES);
-    let mut writer = Writer::create(&path, &taken.info, &shot.rig, &taken.settings)?;
-    for frame in &frames {
-        writer.push(frame)?;
-    }
-    writer.close()?;
-    Ok(std::fs::read(&path).map_err(|source| DriverError::Io { path, source })?)
+    let write = || {
+        let mut writer = Writer::create(&path, &taken.info, &shot.rig, &taken.settings)?;
+        for frame in &frames {
+            writer.push(frame)?;
+        }
+        writer.close()
+    };
+    write().map_err(|error| match error {
+        DriverError::Io { path, source } => unwritten(&path, source),
+        other => other.into(),
+    })?;
+    std::fs::read(&path).map_err(|error| unwritten(&path, error))
 }

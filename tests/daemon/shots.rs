@@ -50,6 +50,44 @@ fn a_shot_through_the_socket_is_the_shot_taken_in_process() {
 }
 
 #[test]
+fn an_environment_lights_the_same_through_the_socket_as_in_process() {
+    let mut daemon = Daemon::start("synthetic:desk");
+    let map = image::Rgb32FImage::from_fn(128, 64, |x, y| {
+        let sun = (90..94).contains(&x) && (12..16).contains(&y);
+        image::Rgb([if sun { 300.0 } else { 0.4 }, 0.4, 0.1 + y as f32 / 64.0])
+    });
+    map.save(daemon.folder.path().join("sky.hdr")).unwrap();
+    let shoot = |daemon: &Daemon, out: &str| {
+        let arguments = [
+            "--json",
+            "shoot",
+            "--relight",
+            "--environment",
+            "sky.hdr",
+            "--out",
+            out,
+        ];
+        let (code, text, err) = daemon.capturectl(&arguments);
+        assert_eq!(code, Some(0), "{err}");
+        serde_json::from_str::<serde_json::Value>(&text).unwrap()
+    };
+    let through = shoot(&daemon, "through");
+    assert_eq!(through["by"], "daemon");
+    assert_eq!(through["shot"]["lights"][0]["label"], "sky");
+    daemon.end_by("TERM");
+    let within = shoot(&daemon, "within");
+    assert_eq!(within["by"], "process");
+    assert_eq!(within["shot"]["lights"], through["shot"]["lights"]);
+    let read = |out: &str, name: &str| std::fs::read(daemon.folder.path().join(out).join(name));
+    for name in ["relit_000.exr", "relit_000.png", "shadow_000.png"] {
+        assert!(
+            read("through", name).unwrap() == read("within", name).unwrap(),
+            "{name} differs"
+        );
+    }
+}
+
+#[test]
 fn every_file_of_a_shot_arrives_with_the_hash_its_manifest_states() {
     let daemon = Daemon::start("synthetic:desk");
     let (code, _, err) = shoot(&daemon, "shot");
