@@ -174,7 +174,7 @@ fn in_words(settings: &Settings) -> String {
         value.map_or("the device's own".into(), |value| format!("{value}{unit}"))
     };
     format!(
-        "exposure {}, gain {}, flash on every {}th color frame",
+        "exposure {}, gain {}, flash on one color frame in {}",
         asked(settings.exposure_seconds, " s"),
         asked(settings.gain, "×"),
         settings.flash_every

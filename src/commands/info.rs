@@ -1,6 +1,6 @@
 //! `info`: what a capture folder, a recording or a folder of results holds.
 
-use super::{Answer, CommandError, input::Kind};
+use super::{Answer, CommandError, input::Kind, progress::Progress};
 use crate::{folder, output::manifest::Manifest};
 use clap::Args;
 use drivers::{Distortion, Rig, recording};
@@ -17,7 +17,9 @@ pub struct Info {
 impl Info {
     /// Reads all of it, so that what is damaged is found.
     pub(super) fn run(self) -> Result<Answer, CommandError> {
-        match Kind::of(&self.path)? {
+        let kind = Kind::of(&self.path)?;
+        let _progress = Progress::of_unknown("reading all of it");
+        match kind {
             Kind::Results => results(&self.path),
             Kind::Capture => capture(&self.path),
             Kind::Recording => recorded(&self.path),

@@ -57,7 +57,19 @@ pub(super) fn read(path: &Path, config: &Config) -> Result<Input, CommandError> 
             drops: None,
         }),
         Kind::Recording => play(path, config),
-        Kind::Results => play(&path.join(FRAMES), config),
+        Kind::Results => {
+            let frames = path.join(FRAMES);
+            if !frames.is_file() {
+                return Err(InputError {
+                    path: frames,
+                    problem: "missing: these results do not hold the frames they were made from"
+                        .to_owned(),
+                    remedy: "name the capture or recording that shot.json gives as their source",
+                }
+                .into());
+            }
+            play(&frames, config)
+        }
     }
 }
 

@@ -87,12 +87,74 @@ fn a_capture_that_contradicts_itself_is_refused_by_file_and_field() {
             spoil: |c| fs::write(c.join("ambient.png"), b"GIF89a").unwrap(),
             words: &["ambient.png"],
         },
+        Case {
+            spoil: |c| {
+                let narrow =
+                    image::ImageBuffer::from_pixel(SIZE.0 - 1, SIZE.1, image::Luma([900u16]));
+                narrow.save(c.join("depth.png")).unwrap();
+            },
+            words: &["depth.png", "63×48", "64×48"],
+        },
+        Case {
+            // Upright in a viewer, lying as it is stored.
+            spoil: |c| as_jpeg(c, Some(6)),
+            words: &[
+                "flash.jpg",
+                "EXIF orientation is 6",
+                "capture.toml",
+                "upright",
+            ],
+        },
+        Case {
+            spoil: |c| {
+                as_jpeg(c, None);
+                let whole = fs::read(c.join("flash.jpg")).unwrap();
+                fs::write(c.join("flash.jpg"), &whole[..whole.len() / 2]).unwrap();
+            },
+            words: &["flash.jpg", "damaged"],
+        },
     ];
     for Case { spoil, words } in cases {
         let folder = spoiled(spoil);
         relight(folder.path(), "capture").refuses(3, words);
         assert_eq!(names_in(folder.path()), ["capture"], "{words:?}");
     }
+}
+
+/// Puts a JPEG in the place of the flash photograph, with the orientation that EXIF gives it.
+fn as_jpeg(capture: &Path, orientation: Option<u8>) {
+    let flash = image::open(capture.join("flash.png")).unwrap().to_rgb8();
+    fs::remove_file(capture.join("flash.png")).unwrap();
+    flash.save(capture.join("flash.jpg")).unwrap();
+    let Some(orientation) = orientation else {
+        return;
+    };
+    let mut exif =
+        b"\xff\xe1\0\x22Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0".to_vec();
+    exif.extend([orientation, 0, 0, 0, 0, 0, 0]);
+    let mut bytes = fs::read(capture.join("flash.jpg")).unwrap();
+    bytes.splice(2..2, exif);
+    fs::write(capture.join("flash.jpg"), bytes).unwrap();
+}
+
+#[test]
+fn a_jpeg_that_lies_as_it_is_stored_is_read() {
+    for orientation in [None, Some(1)] {
+        let folder = spoiled(|capture| as_jpeg(capture, orientation));
+        relight(folder.path(), "capture").succeeds();
+    }
+}
+
+#[test]
+fn depth_that_is_no_number_anywhere_is_no_depth() {
+    let folder = spoiled(|capture| {
+        fs::remove_file(capture.join("depth.png")).unwrap();
+        let unknown = drivers::Plane::filled(SIZE.0 as usize, SIZE.1 as usize, f32::NAN);
+        let bytes = captured::output::exr::gray(&unknown, captured::output::Precision::Float);
+        fs::write(capture.join("depth.exr"), bytes.unwrap()).unwrap();
+    });
+    relight(folder.path(), "capture").refuses(6, &["depth"]);
+    assert_eq!(names_in(folder.path()), ["capture"]);
 }
 
 #[test]
@@ -118,6 +180,14 @@ fn is_refused_or_warned_about(capture: Capture, word: &str) {
     let wrote = folder.path().join("relit").exists();
     assert_eq!(wrote, ran.code == 0, "{ran:#?}");
     assert!(ran.code == 0 || ran.code == 6, "{ran:#?}");
+    if wrote {
+        let manifest = fs::read_to_string(folder.path().join("relit/shot.json")).unwrap();
+        let manifest: serde_json::Value = serde_json::from_str(&manifest).unwrap();
+        assert!(
+            manifest["warnings"].to_string().contains(word),
+            "{manifest}"
+        );
+    }
 }
 
 #[test]
@@ -140,6 +210,54 @@ fn a_shot_whose_flash_is_clipped_everywhere_is_not_answered_in_silence() {
         },
         "clipped",
     );
+}
+
+#[test]
+fn a_shot_whose_flash_is_clipped_in_places_is_not_answered_in_silence() {
+    is_refused_or_warned_about(
+        Capture {
+            flash: 1.55,
+            ..Capture::GOOD
+        },
+        "clipped",
+    );
+}
+
+#[test]
+fn a_shot_whose_flash_is_nearly_lost_in_the_noise_is_not_answered_in_silence() {
+    is_refused_or_warned_about(
+        Capture {
+            flash: 1e-5,
+            ..Capture::GOOD
+        },
+        "flash",
+    );
+}
+
+#[test]
+fn a_recording_that_lies_anywhere_is_refused_by_name() {
+    let whole = fs::read(recording("desk.mcap")).unwrap();
+    for seventh in 0..7 {
+        let folder = tempfile::tempdir().unwrap();
+        let mut lying = whole.clone();
+        let place = 9 + (whole.len() - 40) * seventh / 7;
+        lying[place] ^= 0x55;
+        fs::write(folder.path().join("lying.mcap"), lying).unwrap();
+        capturectl(folder.path(), &["info", "lying.mcap"]).refuses(3, &["lying.mcap", "byte"]);
+        // The first shot is all that is relit: what comes after it is not even read.
+        if seventh < 4 {
+            let arguments = [
+                "relight",
+                "lying.mcap",
+                "--light",
+                "0,0,1",
+                "--out",
+                "relit",
+            ];
+            capturectl(folder.path(), &arguments).refuses(3, &["lying.mcap", "byte"]);
+            assert_eq!(names_in(folder.path()), ["lying.mcap"]);
+        }
+    }
 }
 
 #[test]
