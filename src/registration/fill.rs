@@ -56,9 +56,8 @@ impl Gaps {
             .with_min_len(ROWS_PER_TASK)
             .for_each_init(Sight::default, |sight, (y, answers)| {
                 answers.clear();
-                if rows.look(y, sight) {
-                    rows.answer(y, sight, answers);
-                }
+                rows.look(y, sight);
+                rows.answer(y, sight, answers);
             });
         registered
             .metres
@@ -78,9 +77,12 @@ impl Gaps {
 /// What the unknown pixels of one row see to their left and right.
 #[derive(Default)]
 struct Sight {
+    /// Columns of the unknown pixels.
+    unknown: Vec<usize>,
+    /// Per unknown pixel.
     left: Vec<Look>,
     right: Vec<Look>,
-    /// Edge left of each pixel; one more than there are pixels.
+    /// Edge left of each pixel of the row, and 0 past its end; kept up around unknown pixels.
     edges: Vec<u32>,
 }
 
@@ -94,57 +96,50 @@ struct Rows<'a> {
 }
 
 impl Rows<'_> {
-    fn row(&self, y: usize) -> &[f32] {
-        &self.metres[y * self.width..][..self.width]
-    }
-
-    /// Strips of a row in which something is unknown, as ranges of columns.
-    fn open(&self, y: usize) -> impl DoubleEndedIterator<Item = std::ops::Range<usize>> {
-        let strips = 0..self.width.div_ceil(STRIP);
-        strips
-            .filter(move |&strip| self.columns.is_open(strip, y))
-            .map(|strip| strip * STRIP..((strip + 1) * STRIP).min(self.width))
-    }
-
-    /// False when nothing is unknown in the row.
-    fn look(&self, y: usize, sight: &mut Sight) -> bool {
-        let (row, width) = (self.row(y), self.width);
-        sight.left.resize(width, FAR);
-        sight.right.resize(width, FAR);
+    fn look(&self, y: usize, sight: &mut Sight) {
+        let width = self.width;
+        sight.unknown.clear();
         sight.edges.resize(width + 1, 0);
-        for strip in self.open(y) {
-            let edges = strip.start.max(1)..(strip.end + 1).min(width);
+        for strip in 0..width.div_ceil(STRIP) {
+            let mut bits = self.columns.unknown(strip, y);
+            if bits == 0 {
+                continue;
+            }
+            let start = strip * STRIP;
+            let edges = start.max(1)..(start + STRIP + 1).min(width);
             dispatch!(Level::new(), _simd => {
                 self.guide.across(edges.start, y, &mut sight.edges[edges.clone()]);
             });
+            while bits != 0 {
+                sight.unknown.push(start + bits.trailing_zeros() as usize);
+                bits &= bits - 1;
+            }
         }
         let (mut look, mut next) = (FAR, 0);
-        for strip in self.open(y) {
-            // What lies between two open strips is measured.
-            look = if strip.start > next { HERE } else { look };
-            next = strip.end;
-            for x in strip {
-                look = look.step(!row[x].is_nan(), sight.edges[x]);
-                sight.left[x] = look;
-            }
+        sight.left.clear();
+        for &x in &sight.unknown {
+            // What lies between two unknown pixels is measured.
+            look = if x > next { HERE } else { look };
+            next = x + 1;
+            look = look.step(false, sight.edges[x]);
+            sight.left.push(look);
         }
         let (mut look, mut next) = (FAR, width);
-        for strip in self.open(y).rev() {
-            look = if strip.end < next { HERE } else { look };
-            next = strip.start;
-            for x in strip.rev() {
-                look = look.step(!row[x].is_nan(), sight.edges[x + 1]);
-                sight.right[x] = look;
-            }
+        sight.right.resize(sight.unknown.len(), FAR);
+        for (&x, right) in sight.unknown.iter().zip(&mut sight.right).rev() {
+            look = if x + 1 < next { HERE } else { look };
+            next = x;
+            look = look.step(false, sight.edges[x + 1]);
+            *right = look;
         }
-        self.open(y).next().is_some()
     }
 
     fn answer(&self, y: usize, sight: &Sight, answers: &mut Vec<Filled>) {
-        let (row, width) = (self.row(y), self.width);
-        for x in self.open(y).flatten().filter(|&x| row[x].is_nan()) {
+        let width = self.width;
+        let sides = sight.left.iter().zip(&sight.right);
+        for (&x, (&left, &right)) in sight.unknown.iter().zip(sides) {
             let [up, down] = self.columns.looks(x, y);
-            let looks = [sight.left[x], sight.right[x], up, down];
+            let looks = [left, right, up, down];
             if !self.judge.may_answer(looks) {
                 continue;
             }

@@ -117,12 +117,15 @@ fn encode(from: &[[f32; 3]], per_white: f32, to: &mut [u32]) {
 
 #[inline(always)]
 fn encode_block(from: &[[f32; 3]; BLOCK], per_white: f32) -> [u32; BLOCK] {
+    const WHOLE: f32 = 8_388_608.0;
     let mut steps = [[0; 3]; BLOCK];
     for (step, light) in steps.as_flattened_mut().iter_mut().zip(from.as_flattened()) {
         let root = 255.0 * (light * per_white).sqrt();
         let root = if light.is_nan() { 255.0 } else { root };
-        // Less than no light has no root and becomes 0.
-        *step = root.clamp(0.0, 255.0) as u32;
+        // Less than no light has no root and becomes 0. From `WHOLE` on the low bits of a float
+        // are its whole number; a cast would be taken one by one.
+        let root = if root > 0.0 { root.min(255.0) } else { 0.0 };
+        *step = (root.trunc() + WHOLE).to_bits() & 255;
     }
     steps.map(|[r, g, b]| r | g << 8 | b << 16)
 }

@@ -110,17 +110,17 @@ impl Judge {
         };
         let doubt = lost / (for_near + for_far);
         let total = weight(chosen);
-        let mean = |of: &dyn Fn(&Answer) -> f32| {
-            chosen.iter().map(|a| a.weight * of(a)).sum::<f32>() / total
-        };
-        let metres = 1.0 / mean(&|a| a.inverse);
+        let inverses = chosen.iter().map(|a| a.weight * a.inverse);
+        let metres = 1.0 / (inverses.sum::<f32>() / total);
         let nearness: f32 = chosen.iter().map(|a| 1.0 / a.distance).sum();
         let step = if near.is_empty() {
             0.0
         } else {
             mean_of(far) - mean_of(near)
         };
-        let variance = mean(&|a| a.sigma * a.sigma + (a.metres - metres) * (a.metres - metres))
+        let scatter = |a: &Answer| a.sigma * a.sigma + (a.metres - metres) * (a.metres - metres);
+        let scatters = chosen.iter().map(|a| a.weight * scatter(a));
+        let variance = scatters.sum::<f32>() / total
             + (SLOPE_SIGMA * metres * self.per_focal / nearness).powi(2)
             + doubt * step * step
             + (1.0 - openest) * (BEHIND_EDGE_SIGMA * metres).powi(2);

@@ -4,7 +4,7 @@ use crate::registration::guide::Guide;
 use fearless_simd::{Level, dispatch};
 use rayon::prelude::*;
 
-/// Columns that one task owns, and that are passed over together where all is measured.
+/// Columns that one task owns, a bit each.
 pub(super) const STRIP: usize = 64;
 
 /// What a pixel sees in one direction: distance in pixels (high half) and edges crossed (low half).
@@ -44,8 +44,8 @@ impl Look {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Columns {
     height: usize,
-    /// Per strip and row: something is unknown there. Elsewhere the looks are not kept up.
-    open: Vec<bool>,
+    /// Per strip and row, a bit per unknown pixel. Looks are kept up only where there are any.
+    unknown: Vec<u64>,
     up: Vec<Look>,
     down: Vec<Look>,
 }
@@ -54,17 +54,17 @@ impl Columns {
     pub fn sweep(&mut self, metres: &[f32], guide: &Guide, width: usize, height: usize) {
         self.height = height;
         let strips = width.div_ceil(STRIP);
-        self.open.resize(strips * height, false);
+        self.unknown.resize(strips * height, 0);
         self.up.resize(strips * STRIP * height, FAR);
         self.down.resize(strips * STRIP * height, FAR);
         (
-            self.open.par_chunks_mut(height),
+            self.unknown.par_chunks_mut(height),
             self.up.par_chunks_mut(STRIP * height),
             self.down.par_chunks_mut(STRIP * height),
         )
             .into_par_iter()
             .enumerate()
-            .for_each(|(n, (open, up, down))| {
+            .for_each(|(n, (unknown, up, down))| {
                 let first = n * STRIP;
                 let strip = Strip {
                     metres,
@@ -73,13 +73,13 @@ impl Columns {
                     count: STRIP.min(width - first),
                     width,
                 };
-                dispatch!(Level::new(), _simd => strip.sweep(open, up, down));
+                dispatch!(Level::new(), _simd => strip.sweep(unknown, up, down));
             });
     }
 
-    /// Something is unknown in this row of a strip.
-    pub fn is_open(&self, strip: usize, y: usize) -> bool {
-        self.open[strip * self.height + y]
+    /// Unknown pixels of a strip's row, the first in the lowest bit.
+    pub fn unknown(&self, strip: usize, y: usize) -> u64 {
+        self.unknown[strip * self.height + y]
     }
 
     /// `[up, down]` of an unknown pixel.
@@ -100,22 +100,26 @@ struct Strip<'a> {
 
 impl Strip<'_> {
     #[inline(always)]
-    fn sweep(&self, open: &mut [bool], up: &mut [Look], down: &mut [Look]) {
-        let height = open.len();
+    fn sweep(&self, unknown: &mut [u64], up: &mut [Look], down: &mut [Look]) {
+        let height = unknown.len();
         let mut state = [FAR; STRIP];
-        for (y, (open, up)) in open.iter_mut().zip(up.chunks_exact_mut(STRIP)).enumerate() {
-            *open = self.row(y).iter().fold(false, |any, z| any | z.is_nan());
-            if *open {
+        let rows = unknown.iter_mut().zip(up.chunks_exact_mut(STRIP));
+        for (y, (unknown, up)) in rows.enumerate() {
+            let row = self.row(y);
+            if row.iter().fold(false, |any, z| any | z.is_nan()) {
+                let bits = row.iter().zip(0..).map(|(z, n)| u64::from(z.is_nan()) << n);
+                *unknown = bits.fold(0, |all, bit| all | bit);
                 self.step(y, (y > 0).then_some(y), &mut state);
                 up.copy_from_slice(&state);
             } else {
+                *unknown = 0;
                 state = [HERE; STRIP];
             }
         }
         state = [FAR; STRIP];
-        let rows = open.iter().zip(down.chunks_exact_mut(STRIP)).enumerate();
-        for (y, (&open, down)) in rows.rev() {
-            if open {
+        let rows = unknown.iter().zip(down.chunks_exact_mut(STRIP)).enumerate();
+        for (y, (&unknown, down)) in rows.rev() {
+            if unknown != 0 {
                 self.step(y, (y + 1 < height).then_some(y + 1), &mut state);
                 down.copy_from_slice(&state);
             } else {
