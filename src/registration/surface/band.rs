@@ -1,6 +1,10 @@
 //! Some rows of the color grid, painted with triangles and squares.
 
-use super::{Mesh, SEGMENT, TRIANGLES, Vertex};
+use super::{
+    SEGMENT,
+    mesh::{Mesh, TRIANGLES},
+    quads::{Quads, Region, Triangle, linear, solid},
+};
 use fearless_simd::{Simd, f32x4, prelude::*};
 
 /// Pixels painted side by side.
@@ -24,9 +28,19 @@ impl Band<'_> {
     /// True when anything landed.
     #[inline(always)]
     pub fn draw<S: Simd>(&mut self, simd: S, mesh: &Mesh) -> bool {
+        if mesh.amplitude.is_some() {
+            self.draw_mesh::<S, true>(simd, mesh)
+        } else {
+            self.draw_mesh::<S, false>(simd, mesh)
+        }
+    }
+
+    #[inline(always)]
+    fn draw_mesh<S: Simd, const AMPLITUDE: bool>(&mut self, simd: S, mesh: &Mesh) -> bool {
         self.inverse.fill(0.0);
         self.sigma.fill(f32::NAN);
         self.amplitude.fill(f32::NAN);
+        let mut quads = Quads::default();
         let segments = mesh.width.div_ceil(SEGMENT);
         let top = self.first_row as f32 - mesh.half_sample;
         let bottom = (self.first_row + self.rows - 1) as f32 + mesh.half_sample;
@@ -39,8 +53,11 @@ impl Band<'_> {
                     continue;
                 }
                 let first = segment * SEGMENT;
-                for x in first..(first + SEGMENT).min(mesh.width) {
-                    self.sample(simd, mesh, x, y);
+                if y < next {
+                    quads.prepare(mesh, self.kinds, [first, y], self.region());
+                }
+                for n in 0..SEGMENT.min(mesh.width - first) {
+                    self.sample::<S, AMPLITUDE>(simd, mesh, &quads, [first, n, y]);
                 }
             }
         }
@@ -58,86 +75,59 @@ impl Band<'_> {
         landed
     }
 
-    #[inline(always)]
-    fn sample<S: Simd>(&mut self, simd: S, mesh: &Mesh, x: usize, y: usize) {
-        let i = y * mesh.width + x;
-        if self.lonely[i] {
-            self.square(mesh, i);
-        }
-        match usize::from(self.kinds[i]) {
-            0 => {}
-            1 => self.whole(simd, mesh, x, y, [[0, 1, 2], [1, 3, 2]]),
-            2 => self.whole(simd, mesh, x, y, [[0, 1, 3], [0, 3, 2]]),
-            kind => {
-                let corners = mesh.corners(x, y);
-                let samples = TRIANGLES[kind][0].map(|c| corners[c]);
-                let v = samples.map(|i| mesh.vertex(i));
-                if let Some(frame) = self.frame(mesh, v)
-                    && let Some(triangle) = Triangle::new(v, samples)
-                {
-                    self.paint(simd, mesh, frame, [triangle]);
-                }
-            }
+    fn region(&self) -> Region {
+        Region {
+            first_row: self.first_row,
+            rows: self.rows,
+            width: self.width,
         }
     }
 
-    /// A quad of two triangles.
+    /// Draws what belongs to sample n of a segment that begins at `first` in row `y`.
     #[inline(always)]
-    fn whole<S: Simd>(
+    fn sample<S: Simd, const AMPLITUDE: bool>(
         &mut self,
         simd: S,
         mesh: &Mesh,
-        x: usize,
-        y: usize,
-        [first, second]: [[usize; 3]; 2],
+        quads: &Quads,
+        [first, n, y]: [usize; 3],
     ) {
-        let samples = mesh.corners(x, y);
-        let [i, j, k, l] = samples;
-        // Spelled out: closures over arrays are not inlined here.
-        let v = [
-            mesh.vertex(i),
-            mesh.vertex(j),
-            mesh.vertex(k),
-            mesh.vertex(l),
-        ];
-        let Some(frame) = self.frame(mesh, v) else {
+        let i = y * mesh.width + first + n;
+        if self.lonely[i] {
+            self.square(mesh, i);
+        }
+        let kind = self.kinds[i];
+        if kind == 0 {
             return;
-        };
-        let [a, b, c] = first;
-        let first = Triangle::new([v[a], v[b], v[c]], [samples[a], samples[b], samples[c]]);
-        let [a, b, c] = second;
-        let second = Triangle::new([v[a], v[b], v[c]], [samples[a], samples[b], samples[c]]);
-        match (first, second) {
-            (Some(first), Some(second)) => self.paint(simd, mesh, frame, [first, second]),
-            (Some(one), None) | (None, Some(one)) => self.paint(simd, mesh, frame, [one]),
-            (None, None) => {}
         }
-    }
-
-    /// Pixels that may lie within these vertices: first and past the last x, first and past the last y.
-    /// `None` when there are none in this band, or the vertices lie too far apart.
-    #[inline(always)]
-    fn frame<const N: usize>(&self, mesh: &Mesh, vertices: [Vertex; N]) -> Option<[usize; 4]> {
-        let (mut left, mut top) = (f32::INFINITY, f32::INFINITY);
-        let (mut right, mut bottom) = (f32::NEG_INFINITY, f32::NEG_INFINITY);
-        for [x, y, ..] in vertices {
-            // Not `min` and `max`, which look for NaN first: a drawn sample has none.
-            left = if x < left { x } else { left };
-            right = if x > right { x } else { right };
-            top = if y < top { y } else { top };
-            bottom = if y > bottom { y } else { bottom };
+        let corners = mesh.corners(first + n, y);
+        if kind <= 2 {
+            let Some(frame) = quads.frame(n) else {
+                return;
+            };
+            match quads.triangles(n, kind, corners) {
+                [Some(one), Some(other)] => {
+                    self.paint::<S, 2, AMPLITUDE>(simd, mesh, frame, [one, other]);
+                }
+                [Some(one), None] | [None, Some(one)] => {
+                    self.paint::<S, 1, AMPLITUDE>(simd, mesh, frame, [one]);
+                }
+                [None, None] => {}
+            }
+            return;
         }
-        if right - left > mesh.largest || bottom - top > mesh.largest {
-            return None;
+        let samples = TRIANGLES[usize::from(kind)][0].map(|c| corners[c]);
+        let v = samples.map(|i| mesh.vertex(i));
+        if let Some(frame) = solid(self.region().frame(mesh.largest, v))
+            && let Some(triangle) = Triangle::new(v, samples)
+        {
+            self.paint::<S, 1, AMPLITUDE>(simd, mesh, frame, [triangle]);
         }
-        let (x0, x1) = near_centres(left, right, 0, self.width);
-        let (y0, y1) = near_centres(top, bottom, self.first_row, self.rows);
-        (x0 < x1 && y0 < y1).then_some([x0, x1, y0, y1])
     }
 
     /// Paints the pixels whose centre lies in one of the triangles.
     #[inline(always)]
-    fn paint<S: Simd, const N: usize>(
+    fn paint<S: Simd, const N: usize, const AMPLITUDE: bool>(
         &mut self,
         simd: S,
         mesh: &Mesh,
@@ -159,14 +149,20 @@ impl Band<'_> {
                 let mut inverse = nearest;
                 let mut sigma = lanes(simd, self.sigma, row + x);
                 for triangle in &triangles {
-                    let [a, b, c] = triangle.vertices;
+                    let Triangle {
+                        b,
+                        c,
+                        c_to_b,
+                        a_to_c,
+                        ..
+                    } = triangle;
                     let at_a = (px - b[0]).mul_add(
-                        splat(simd, b[1] - c[1]),
-                        splat(simd, (c[0] - b[0]) * (py - b[1])),
+                        splat(simd, c_to_b[1]),
+                        splat(simd, -c_to_b[0] * (py - b[1])),
                     );
                     let at_b = (px - c[0]).mul_add(
-                        splat(simd, c[1] - a[1]),
-                        splat(simd, (a[0] - c[0]) * (py - c[1])),
+                        splat(simd, a_to_c[1]),
+                        splat(simd, -a_to_c[0] * (py - c[1])),
                     );
                     let at_c = splat(simd, triangle.area) - at_a - at_b;
                     let inside = within & at_a.min(at_b).min(at_c).simd_ge(ON_SIDE);
@@ -183,10 +179,9 @@ impl Band<'_> {
                         at_b.mul_add(splat(simd, db), splat(simd, base)),
                     );
                     sigma = shown.select(said, sigma);
-                    if let Some(plane) = mesh.amplitude {
-                        let [a, b, c] = triangle.samples;
-                        let [da, db, base] =
-                            linear([plane[a], plane[b], plane[c]], triangle.per_area);
+                    if AMPLITUDE && let Some(plane) = mesh.amplitude {
+                        let corners = triangle.samples.map(|i| plane[i]);
+                        let [da, db, base] = linear(corners, 1.0 / triangle.area);
                         let amplitude = lanes(simd, self.amplitude, row + x);
                         let said = at_a.mul_add(
                             splat(simd, da),
@@ -235,64 +230,6 @@ fn centres(from: f32, to: f32, first: usize, count: usize) -> (usize, usize) {
     let start = start + usize::from((start as f32) < from);
     let end = if to < 0.0 { 0 } else { to as usize + 1 };
     (start, end.min(first + count))
-}
-
-/// [`centres`], or a few pixels more, for the many small ones.
-#[inline(always)]
-fn near_centres(from: f32, to: f32, first: usize, count: usize) -> (usize, usize) {
-    // From here on the low bits of a float are its whole number; both sides stay within the picture.
-    const WHOLE: f32 = 8_388_608.0;
-    let rounded = |at: f32| ((at + WHOLE).to_bits() & 0x7f_ffff) as usize;
-    let (low, past) = (first as f32, (first + count) as f32);
-    if to < low || from >= past {
-        return (first, first);
-    }
-    // Half up and half down, with what rounding may add.
-    let start = rounded((from + 0.499).clamp(low, past));
-    let end = rounded((to - 0.499).clamp(low, past)) + 1;
-    (start.max(first), end.min(first + count))
-}
-
-/// A front-facing triangle of three samples.
-struct Triangle {
-    vertices: [Vertex; 3],
-    samples: [usize; 3],
-    area: f32,
-    per_area: f32,
-    /// See [`linear`].
-    inverse: [f32; 3],
-    /// NaN where a corner is assumed and the triangle only hides.
-    sigma: [f32; 3],
-}
-
-impl Triangle {
-    /// `None` where it is turned away from the color camera (or NaN): something nearer hides it.
-    #[inline(always)]
-    fn new(vertices: [Vertex; 3], samples: [usize; 3]) -> Option<Self> {
-        let [a, b, c] = vertices;
-        let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
-        let answers = a[3].min(b[3]).min(c[3]) > 0.0;
-        if area.is_nan() || area <= 1e-6 {
-            return None;
-        }
-        let per_area = 1.0 / area;
-        let mut sigma = linear([a[3], b[3], c[3]], per_area);
-        sigma[2] = if answers { sigma[2] } else { f32::NAN };
-        Some(Self {
-            vertices,
-            samples,
-            area,
-            per_area,
-            inverse: linear([a[2], b[2], c[2]], per_area),
-            sigma,
-        })
-    }
-}
-
-/// What grows from corner c toward a, toward b (per twice the area opposite), and its value at c.
-#[inline(always)]
-fn linear([a, b, c]: [f32; 3], per_area: f32) -> [f32; 3] {
-    [(a - c) * per_area, (b - c) * per_area, c]
 }
 
 #[inline(always)]
