@@ -11,7 +11,7 @@ mod world;
 
 use captured::{
     develop::{Options, develop},
-    radiometry::{LinearImage, NoiseModel, subtract_linear_into},
+    radiometry::{LinearImage, NoiseModel, linearise, subtract_linear_into},
     registration::{RegisteredDepth, RigMaps, Scratch, register_into},
     relight::{
         Environment, Indirect, Lamp, Prepared, RelightOptions, Shadows,
@@ -250,6 +250,16 @@ fn registration() {
         Some(8.0),
         || {
             register_into(&frame, &maps, None, &mut scratch, &mut registered).expect("depth");
+        },
+    );
+    let guide = linearise(&world::large_shot(1280, 720).flash).expect("a photograph");
+    line(
+        "the same along the edges of a picture",
+        bytes + 1280 * 720 * 12,
+        Some(8.0),
+        || {
+            let guide = Some(&guide);
+            register_into(&frame, &maps, guide, &mut scratch, &mut registered).expect("depth");
         },
     );
 }

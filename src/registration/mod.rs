@@ -87,7 +87,12 @@ pub fn register_into(
 ) -> Result<(), RegistrationError> {
     check_sizes(depth, maps, guide)?;
     prepare(registered, maps.color_size(), depth.amplitude.is_some());
-    scratch.cleaned.clean(depth, maps.depth.spacing);
+    let (width, height) = maps.color_size();
+    // Each has a part that only one thread can do.
+    rayon::join(
+        || scratch.guide.take(guide, width, height),
+        || scratch.cleaned.clean(depth, maps.depth.spacing),
+    );
     if !scratch.cleaned.any() {
         return Err(RegistrationError::NoDepth);
     }
@@ -106,8 +111,6 @@ pub fn register_into(
         return Err(RegistrationError::NoDepth);
     }
     let focal = maps.color.focal_pixels();
-    let (width, height) = maps.color_size();
-    scratch.guide.take(guide, width, height);
     scratch.fill.close(registered, focal, &scratch.guide);
     if maps.depth.rays.is_some() {
         let footprint = focal * maps.depth.spacing;

@@ -120,15 +120,24 @@ impl Mesh<'_> {
             .enumerate()
             .with_min_len(ROWS_PER_TASK)
             .for_each(|(y, row)| {
+                dispatch!(Level::new(), _simd => self.mark_unusual(kinds, y, row));
                 for (x, lonely) in row.iter_mut().enumerate() {
-                    let i = y * width + x;
-                    // A whole quad below right: the usual case, settled at once.
-                    *lonely = !matches!(kinds[i], 1 | 2)
-                        && self.vertices[2][i] > 0.0
-                        && self.vertices[3][i] > 0.0
-                        && !spans(kinds, width, x, y);
+                    *lonely = *lonely && !spans(kinds, width, x, y);
                 }
             });
+    }
+
+    /// Samples of a row without a whole quad below right, which settles the usual case. Without a
+    /// branch, so that the compiler takes many samples at a time.
+    #[inline(always)]
+    fn mark_unusual(&self, kinds: &[u8], y: usize, row: &mut [bool]) {
+        let (first, count) = (y * self.width, row.len());
+        let [_, _, inverse, sigma] = self.vertices.map(|plane| &plane[first..][..count]);
+        let kinds = &kinds[first..][..count];
+        for (x, unusual) in row.iter_mut().enumerate() {
+            let whole = (kinds[x] == 1) | (kinds[x] == 2);
+            *unusual = !whole & (inverse[x] > 0.0) & (sigma[x] > 0.0);
+        }
     }
 }
 
