@@ -3,9 +3,11 @@
 //! The same words serve the command line: a light typed by a person and one sent by a script are
 //! checked by the same code.
 
+mod environment;
 mod light;
 
-pub use light::{CheckedLights, EnvironmentLight, Light, LightError};
+pub use environment::EnvironmentLight;
+pub use light::{CheckedLights, Light, LightError};
 
 use crate::output::Manifest;
 use drivers::DeviceInfo;

@@ -18,7 +18,11 @@ pub(super) fn list() -> Result<Answer, CommandError> {
     let devices = drivers::open::list();
     let mut lines: Vec<String> = devices
         .iter()
-        .map(|device| format!("{:<24} {}", device.address, device.model))
+        .map(|device| {
+            // What stands behind the question mark are defaults, which need not be typed.
+            let address = device.address.split('?').next().unwrap_or_default();
+            format!("{address:<24} {}", device.model)
+        })
         .collect();
     lines.push(format!("Addresses: {}", drivers::open::ADDRESSES));
     Ok(Answer::new(lines.join("\n"), &DevicesReply { devices }))

@@ -144,14 +144,18 @@ fn cubic(image: &LinearImage, ix: usize, iy: usize, fx: f32, fy: f32) -> Option<
         return None;
     }
     let (wx, wy) = (keys(fx), keys(fy));
-    let mut light = [0.0f32; 3];
-    for (row, weight_y) in wy.iter().enumerate() {
+    // First down, four pixels of three channels at a time, then across.
+    let mut columns = [0.0f32; 12];
+    for (row, weight) in wy.iter().enumerate() {
         let taps = &image.0.row(iy - 1 + row)[ix - 1..ix + 3];
-        for (tap, weight_x) in taps.iter().zip(&wx) {
-            let weight = weight_x * weight_y;
-            for (sum, channel) in light.iter_mut().zip(tap) {
-                *sum += weight * channel;
-            }
+        for (sum, tap) in columns.iter_mut().zip(taps.as_flattened()) {
+            *sum += weight * tap;
+        }
+    }
+    let mut light = [0.0f32; 3];
+    for (column, weight) in columns.chunks_exact(3).zip(&wx) {
+        for (sum, channel) in light.iter_mut().zip(column) {
+            *sum += weight * channel;
         }
     }
     let squares = |w: &[f32; 4]| w.iter().map(|w| w * w).sum::<f32>();

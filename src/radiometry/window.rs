@@ -60,22 +60,24 @@ fn interpolate<S: Simd>(
     step: [[f64; 2]; 2],
     window: &mut [f32; WINDOW * WINDOW],
 ) {
-    for (row, window) in window.chunks_exact_mut(WINDOW).enumerate() {
-        let row = row as f64;
+    let mut row = 0.0;
+    for window in window.chunks_exact_mut(WINDOW) {
         let [left, top] = [start[0] + step[1][0] * row, start[1] + step[1][1] * row];
-        for (column, value) in window.iter_mut().enumerate() {
-            let column = column as f64;
+        row += 1.0;
+        let mut column = 0.0;
+        for value in window {
             let (x, y) = (left + step[0][0] * column, top + step[0][1] * column);
+            column += 1.0;
             let (ix, iy) = ((x as usize).max(1), (y as usize).max(1));
             let across = weights(simd, (x - ix as f64) as f32);
-            let down = *weights(simd, (y - iy as f64) as f32);
+            let [first, second, third, fourth] = *weights(simd, (y - iy as f64) as f32);
             // First down, then across: four columns at a time.
             let taps = &samples[(iy - 1) * width + ix - 1..];
-            let mut columns = f32x4::from_slice(simd, &taps[..4]) * down[0];
-            for (row, weight) in down.iter().enumerate().skip(1) {
-                let taps = f32x4::from_slice(simd, &taps[row * width..][..4]);
-                columns = taps.mul_add(*weight, columns);
-            }
+            let taps = |row: usize| f32x4::from_slice(simd, &taps[row * width..][..4]);
+            let columns = taps(0) * first;
+            let columns = taps(1).mul_add(second, columns);
+            let columns = taps(2).mul_add(third, columns);
+            let columns = taps(3).mul_add(fourth, columns);
             let [a, b, c, d] = *(columns * across);
             *value = (a + b) + (c + d);
         }
