@@ -3,12 +3,14 @@
 use crate::{
     api::FaultKind,
     develop::{DevelopError, Development, Options, Stage, develop},
-    output::{Disk, Existing, Manifest, OutputError, RelitView, Results, write},
+    output::{
+        Disk, Existing, Manifest, OutputError, RelitView, Results, Tone, sheet::Panel, write,
+    },
     radiometry::linearise,
     relight::{Environment, Lamp, RelightOptions, Relit},
     shot::{DropCounts, Shot},
 };
-use drivers::Plane;
+use drivers::{ColorFrame, Plane};
 use std::{path::Path, time::Instant};
 use thiserror::Error;
 
@@ -138,16 +140,14 @@ pub fn print(
             shadow: &relit.shadow,
         })
         .collect();
-    let flash = linearise(&order.shot.flash).ok();
-    let ambient = order
-        .shot
-        .ambient
-        .first()
-        .and_then(|frame| linearise(frame).ok());
+    let photographs: Vec<Panel> = [("flash photograph", Some(&order.shot.flash))]
+        .into_iter()
+        .chain([("without flash", order.shot.ambient.first())])
+        .filter_map(|(label, frame)| photograph(label, frame?))
+        .collect();
     let results = Results {
         source: order.source.name,
-        flash: flash.as_ref(),
-        ambient: ambient.as_ref(),
+        photographs: &photographs,
         flash_only: &development.flash_only.light,
         scene: &development.scene,
         relit: &views,
@@ -193,6 +193,12 @@ fn name_of(stage: Stage) -> &'static str {
         Stage::Scene => "scene",
         Stage::Prepare => "prepare",
     }
+}
+
+/// A photograph of the shot, small and shown as bright as it needs.
+fn photograph(label: &str, frame: &ColorFrame) -> Option<Panel> {
+    let light = linearise(frame).ok()?.0;
+    Some(Panel::light(label, &light, &Tone::robust([&light])))
 }
 
 fn label(lamp: &Lamp) -> String {

@@ -196,9 +196,9 @@ fn mean<T: Mix>(plane: &Plane<T>, factor: usize) -> Plane<T> {
     );
     let samples = (0..width * height)
         .into_par_iter()
-        .map(|index| {
+        .map_init(Vec::new, |known, index| {
             let (left, top) = (index % width * factor, index / width * factor);
-            let mut known = Vec::with_capacity(factor * factor);
+            known.clear();
             for y in top..(top + factor).min(plane.height()) {
                 let row = plane.row(y);
                 let end = (left + factor).min(row.len());
@@ -215,7 +215,7 @@ fn mean<T: Mix>(plane: &Plane<T>, factor: usize) -> Plane<T> {
             if 2 * known.len() < factor * factor {
                 T::unknown()
             } else {
-                T::mix(&known)
+                T::mix(known)
             }
         })
         .collect();

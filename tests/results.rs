@@ -4,7 +4,7 @@ use captured::{
     folder::{ImageKind, Limits, Samples, decode_limited},
     output::{
         self, CommitError, Disk, Existing, FileSystem, Manifest, OutputError, Precision, RelitView,
-        Results, Staging, Tone,
+        Results, Staging, Tone, sheet::Panel,
     },
     radiometry::LinearImage,
     scene::Scene,
@@ -100,8 +100,11 @@ impl Made {
         ];
         let results = Results {
             source: "made up",
-            flash: Some(&self.light),
-            ambient: None,
+            photographs: &[Panel::light(
+                "flash photograph",
+                &self.light.0,
+                &Tone::absolute(),
+            )],
             flash_only: &self.light,
             scene: &self.scene,
             relit: &relit,

@@ -36,10 +36,9 @@ pub struct RelitView<'a> {
 pub struct Results<'a> {
     /// Where the shot came from, for people.
     pub source: &'a str,
-    /// The flash photograph, linear, for the contact sheet.
-    pub flash: Option<&'a LinearImage>,
-    /// The photograph without flash, linear, for the contact sheet.
-    pub ambient: Option<&'a LinearImage>,
+    /// What comes first on the contact sheet: the photographs as they were taken. Made small by the
+    /// caller, one after the other: at 12 megapixels each takes 144 MB in light.
+    pub photographs: &'a [Panel],
     /// The light of the flash alone, on the color grid.
     pub flash_only: &'a LinearImage,
     /// Surfaces; on a smaller working grid they are stretched to the color grid.
@@ -215,21 +214,7 @@ fn person_normals(scene: &Scene) -> Plane<[f32; 3]> {
 /// The page with every picture on it.
 fn overview(results: &Results<'_>, normal: &Plane<[f32; 3]>, tone: &Tone) -> Plane<[u8; 3]> {
     let scene = results.scene;
-    let mut panels = Vec::new();
-    if let Some(flash) = results.flash {
-        panels.push(Panel::light(
-            "flash photograph",
-            &flash.0,
-            &Tone::robust([&flash.0]),
-        ));
-    }
-    if let Some(ambient) = results.ambient {
-        panels.push(Panel::light(
-            "without flash",
-            &ambient.0,
-            &Tone::robust([&ambient.0]),
-        ));
-    }
+    let mut panels = results.photographs.to_vec();
     let flash_tone = Tone::robust([&results.flash_only.0]);
     panels.push(Panel::light(
         "flash alone",
