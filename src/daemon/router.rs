@@ -38,7 +38,9 @@ pub(super) fn router(daemon: Arc<Daemon>) -> Router {
             async move {
                 // Said at once, not after the body has been waited for.
                 if request.body().size_hint().lower() > most {
-                    let message = format!("the body has more than {most} bytes");
+                    let message = format!(
+                        "the body has more than {most} bytes; send fewer lights, or raise limits.request_bytes"
+                    );
                     let fault = Fault {
                         kind: FaultKind::Request,
                         message,
