@@ -56,6 +56,23 @@ const PRIOR_SIGMA: f32 = 0.2;
 /// angles even where the depth claims to be perfect.
 const NORMAL_SIGMA_RADIANS: f32 = 0.05;
 
+/// Cosine between normal and flash below which only the normal can be wrong.
+const LEAST_COSINE: f32 = 0.05;
+
+/// Pixels over which the scale of a surface is compared with that of its surroundings.
+const SURROUNDINGS_PIXELS: f32 = 64.0;
+
+/// Uncertain detail is brighter than its surroundings by this factor at most.
+const MOST_CONTRAST: f32 = 1.6;
+
+/// Albedo beyond which light over cosine is not followed, before the surroundings are heard.
+const MOST_PLAIN: f32 = 1.5;
+
+/// Mean of the three channels.
+fn brightness([red, green, blue]: [f32; 3]) -> f32 {
+    (red + green + blue) / 3.0
+}
+
 /// Share of pixels that may be brighter than [`BRIGHT_ALBEDO`] where the flash's intensity is
 /// unknown.
 const BRIGHT_SHARE: f32 = 0.05;
@@ -86,8 +103,8 @@ pub(super) fn plausible_scale(reflections: &Plane<Reflection>) -> f32 {
 ///
 /// The most probable albedo given `value − highlight = albedo·cos + noise` and a prior at the mean
 /// of its surroundings. Noise is that of the light and that of the cosine, which rules at grazing
-/// angles; there, and where the light is unknown, the answer is the surroundings'. NaN without
-/// depth. Clamped to [0, 1].
+/// angles; there the surroundings set the brightness and the photograph the detail. Where the light
+/// is unknown, the answer is the surroundings'. NaN without depth. Clamped to [0, 1].
 pub(super) fn albedo(
     reflections: &Plane<Reflection>,
     roughness: &Plane<f32>,
@@ -97,39 +114,53 @@ pub(super) fn albedo(
     // Per pixel: albedo by plain division, and the information (1/variance) behind it.
     let mut plain = Plane::filled(width, height, [f32::NAN; 3]);
     let mut information = Plane::filled(width, height, 0.0f32);
+    // The share of its noise that hides the pixel's own detail: all but that of the
+    // depth, which is the neighbours' too.
+    let mut hidden = Plane::filled(width, height, 1.0f32);
     plain
         .samples_mut()
         .par_iter_mut()
         .zip(information.samples_mut())
+        .zip(hidden.samples_mut())
         .enumerate()
-        .for_each(|(i, (plain, information))| {
+        .for_each(|(i, ((plain, information), hidden))| {
             let Reflection {
                 value,
                 variance,
                 cosine,
             } = reflections.samples()[i];
-            if value[0].is_nan() || cosine.is_nan() || cosine <= 1e-3 {
+            if value[0].is_nan() || cosine.is_nan() {
                 return;
             }
+            // What is seen cannot face away: there the normal is wrong and only the scale unknown.
+            let cosine = cosine.max(LEAST_COSINE);
             let highlight = karis_at_lens(cosine, roughness.samples()[i]);
             *plain = value.map(|v| v / cosine - highlight);
             let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
-            let tilt = normal_sigma.samples()[i].hypot(NORMAL_SIGMA_RADIANS);
-            let slack = sine * tilt + 0.5 * tilt * tilt;
+            let slack = |tilt: f32| sine * tilt + 0.5 * tilt * tilt;
+            let measured = normal_sigma.samples()[i];
             // A highlight taken away leaves an error of its own size behind.
             let doubt = highlight * cosine;
-            let brightness = (plain[0] + plain[1] + plain[2]).max(0.0) / 3.0;
+            let brightness = brightness(*plain).max(0.0);
+            let tilted = |tilt: f32| (brightness * slack(tilt)).powi(2);
             let noise = variance
-                + (brightness * slack).powi(2)
+                + tilted(measured.hypot(NORMAL_SIGMA_RADIANS))
                 + 0.25 * doubt * doubt
                 // Below this, quantisation and stray light rule.
                 + 1e-6;
+            *hidden = 1.0 - (tilted(measured) / noise).min(1.0);
+            // Nothing is much brighter than white, whatever its cosine says.
+            let excess = (brightness / MOST_PLAIN).max(1.0);
+            *plain = plain.map(|albedo| albedo / excess);
             *information = cosine * cosine / noise;
             if information.is_nan() {
                 *information = 0.0;
             }
         });
     let around = local_mean(&plain, &information, 1.0 / (0.05 * 0.05));
+    // The same, uncertain cosines and all: what the surroundings must be scaled by to be believed.
+    let known = plain.map(|albedo| f32::from(u8::from(!albedo[0].is_nan())));
+    let here = local_mean(&plain, &known, SURROUNDINGS_PIXELS);
     let mut sigma = Plane::filled(width, height, f32::NAN);
     plain
         .samples_mut()
@@ -142,14 +173,23 @@ pub(super) fn albedo(
                 return;
             }
             let weight = information.samples()[i];
-            let prior = around.samples()[i];
+            let around = around.samples()[i];
             let pull = 1.0 / (PRIOR_SIGMA * PRIOR_SIGMA);
             if weight > 0.0 {
+                // A cosine that is off scales the pixel and its neighbours alike, so the surroundings
+                // correct the scale and leave the picture's own detail; light that is noisy tells
+                // nothing of its own.
+                let scale = brightness(around) / brightness(here.samples()[i]).max(1e-3);
+                let most = MOST_CONTRAST * brightness(around) / brightness(*albedo).max(1e-3);
+                let scale = scale.min(most).max(0.0);
+                let hidden = hidden.samples()[i];
                 *albedo = std::array::from_fn(|k| {
-                    ((albedo[k] * weight + prior[k] * pull) / (weight + pull)).clamp(0.0, 1.0)
+                    let scaled = albedo[k] * scale;
+                    let prior = scaled + (around[k] - scaled) * hidden;
+                    ((albedo[k] * weight + prior * pull) / (weight + pull)).clamp(0.0, 1.0)
                 });
             } else {
-                *albedo = prior.map(|p| p.clamp(0.0, 1.0));
+                *albedo = around.map(|p| p.clamp(0.0, 1.0));
             }
             *sigma = 1.0 / (weight + pull).sqrt();
         });

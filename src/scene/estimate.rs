@@ -4,12 +4,11 @@ use super::{
     Scene, albedo,
     confidence::confidence,
     edges::edges,
-    noise::{Noise, noise},
-    normals::normals,
+    normals::{normals, normals_of_slopes},
     rays::rays,
     regions::regions,
     roughness::roughness,
-    smooth,
+    surface::{Surface, sigma_of_depth, surface},
     thickness::thickness,
 };
 use crate::{radiometry::FlashOnly, registration::RegisteredDepth};
@@ -99,12 +98,18 @@ pub fn estimate(
     let rays = rays(&camera);
 
     let known = positive(&depth.metres);
-    let (surface, baseline) = smoothed(&known, &depth.sigma_metres, rig, focal, options.smoothing);
+    let Surface {
+        depth: surface,
+        slope,
+        normal_sigma,
+    } = surface(&known, &depth.sigma_metres, rig, focal, options.smoothing);
     let depth_metres = surface.value.map(|w| 1.0 / w);
     let depth_sigma_metres = sigma_of_depth(&surface);
     let edges = edges(&surface, focal);
-    let normal = normals(&surface, &edges, &rays);
-    let normal_sigma = normal_sigma(&surface, focal / baseline);
+    let normal = match slope {
+        Some(slope) => normals_of_slopes(&surface, &slope, &rays),
+        None => normals(&surface, &edges, &rays),
+    };
 
     let mut reflections = albedo::reflections(
         &flash.light.0,
@@ -122,7 +127,7 @@ pub fn estimate(
             r.variance *= scale * scale;
         });
     }
-    let roughness = roughness(&reflections, &regions(&edges, &normal));
+    let roughness = roughness(&reflections, &normal_sigma, &regions(&edges, &normal));
     let (albedo, _) = albedo::albedo(&reflections, &roughness, &normal_sigma);
     let thickness_metres = thickness(
         &depth_metres,
@@ -244,111 +249,4 @@ fn positive(metres: &Plane<f32>) -> Plane<f32> {
             f32::NAN
         }
     })
-}
-
-/// Sigma given to depth that comes without one, as a share of it.
-const UNSTATED_SIGMA: f32 = 0.002;
-
-/// 1/z smoothed by the sigma that the depth itself shows, and the pixels over which its errors now
-/// go together.
-fn smoothed(
-    metres: &Plane<f32>,
-    sigma_metres: &Plane<f32>,
-    rig: &Rig,
-    focal: f32,
-    smoothing: f32,
-) -> (smooth::InverseDepth, f32) {
-    let value = metres.map(|z| 1.0 / z);
-    let (width, height) = metres.size();
-    let mut sigma = Plane::filled(width, height, f32::NAN);
-    sigma
-        .samples_mut()
-        .par_iter_mut()
-        .enumerate()
-        .for_each(|(i, sigma)| {
-            let (z, stated) = (metres.samples()[i], sigma_metres.samples()[i]);
-            let metres = if stated > 0.0 {
-                stated
-            } else {
-                UNSTATED_SIGMA * z
-            };
-            *sigma = metres / (z * z);
-        });
-    // Depth from a camera of its own has been interpolated, and often smoothed by the maker; depth
-    // on the color grid has not, and there a wider spacing would take relief for noise.
-    let coarseness = rig
-        .depth
-        .map_or(0.25, |depth| f64::from(focal) / depth.lens.fx)
-        .clamp(0.25, 4.0);
-    let steps: Vec<usize> = [1, 2, 4, 8, 16]
-        .into_iter()
-        .filter(|&step| step as f64 <= 8.0 * coarseness)
-        .collect();
-    let Noise { ratio, spacing } = noise(&value, &sigma, &steps).unwrap_or(Noise {
-        ratio: 0.0,
-        spacing: 1,
-    });
-    let ratio = smoothing * ratio;
-    // Never exactly certain: zero variance would make every comparison a division by zero.
-    sigma
-        .samples_mut()
-        .par_iter_mut()
-        .zip(value.samples())
-        .for_each(|(s, w)| {
-            *s = (*s * ratio).max(1e-6 * w);
-        });
-    let in_pitches = median(
-        sigma
-            .samples()
-            .iter()
-            .zip(value.samples())
-            .map(|(s, w)| focal * s / w),
-    );
-    let variance = sigma.map(|s| s * s);
-    let levels = smooth::levels_for(in_pitches / spacing as f32);
-    let surface = smooth::smooth(smooth::InverseDepth { value, variance }, levels, spacing);
-    // What noise is left keeps to the scale of the last level.
-    (surface, (spacing << levels) as f32)
-}
-
-/// Median of the numbers that are none NaN, from a sample of them; NaN without any.
-fn median(numbers: impl ExactSizeIterator<Item = f32>) -> f32 {
-    let stride = numbers.len().div_ceil(60_000).max(1);
-    let mut kept: Vec<f32> = numbers.step_by(stride).filter(|n| !n.is_nan()).collect();
-    if kept.is_empty() {
-        return f32::NAN;
-    }
-    let middle = kept.len() / 2;
-    *kept.select_nth_unstable_by(middle, f32::total_cmp).1
-}
-
-/// Standard deviation of z from that of 1/z, metres.
-fn sigma_of_depth(surface: &smooth::InverseDepth) -> Plane<f32> {
-    let (width, height) = surface.value.size();
-    let mut sigma = Plane::filled(width, height, f32::NAN);
-    sigma
-        .samples_mut()
-        .par_iter_mut()
-        .enumerate()
-        .for_each(|(i, sigma)| {
-            let w = surface.value.samples()[i];
-            *sigma = surface.variance.samples()[i].sqrt() / (w * w);
-        });
-    sigma
-}
-
-/// Standard deviation of a normal's angle, radians: depth noise over the distance within which it
-/// goes together. `focal_spacings` is the focal length in that distance.
-fn normal_sigma(surface: &smooth::InverseDepth, focal_spacings: f32) -> Plane<f32> {
-    let (width, height) = surface.value.size();
-    let mut sigma = Plane::filled(width, height, f32::NAN);
-    sigma
-        .samples_mut()
-        .par_iter_mut()
-        .enumerate()
-        .for_each(|(i, sigma)| {
-            let relative = surface.variance.samples()[i].sqrt() / surface.value.samples()[i];
-            *sigma = (relative * focal_spacings / 2f32.sqrt()).min(1.0);
-        });
-    sigma
 }

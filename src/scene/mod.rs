@@ -15,7 +15,9 @@ mod rays;
 mod regions;
 mod roughness;
 mod smooth;
+mod surface;
 mod thickness;
+mod windows;
 
 pub use estimate::{SceneError, SceneOptions, estimate};
 pub use karis::{F0, ROUGHNESS_FLOOR, karis, karis_at_lens};

@@ -66,6 +66,32 @@ pub(super) fn normals(depth: &InverseDepth, edges: &Edges, rays: &Plane<Vec2>) -
     plane
 }
 
+/// Unit normals in camera axes from known changes of 1/z per pixel to the right and down; NaN where
+/// depth is unknown.
+pub(super) fn normals_of_slopes(
+    depth: &InverseDepth,
+    slope: &Plane<[f32; 2]>,
+    rays: &Plane<Vec2>,
+) -> Plane<Vec3> {
+    let (width, height) = depth.value.size();
+    let mut plane = Plane::filled(width, height, Vec3::NAN);
+    plane
+        .samples_mut()
+        .par_chunks_mut(width.max(1))
+        .enumerate()
+        .for_each(|(y, row)| {
+            for (x, normal) in row.iter_mut().enumerate() {
+                let (here, ray) = (depth.value[(x, y)], rays[(x, y)]);
+                if here.is_nan() || ray.is_nan() {
+                    continue;
+                }
+                let [across, down] = slope[(x, y)].map(Some);
+                *normal = plane_normal(here, ray, across, down, ray_steps(rays, x, y));
+            }
+        });
+    plane
+}
+
 /// Change of 1/z per pixel, from the steps to the two neighbours and the steps beyond them;
 /// `None` when both neighbours are cut off.
 fn slope(near: [Option<f32>; 2], far: [Option<f32>; 2], noise: f32) -> Option<f32> {

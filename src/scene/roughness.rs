@@ -2,6 +2,7 @@
 
 use super::{albedo::Reflection, karis::karis_at_lens, regions::Regions};
 use drivers::Plane;
+use rayon::prelude::*;
 
 /// Roughness values that are weighed against each other: 0.10, 0.15, … 1.00, all equally likely
 /// before anything is seen.
@@ -21,8 +22,21 @@ const WIDEST: f32 = 1.1;
 /// Pixels that carry one independent sample of a surface's texture.
 const TEXTURE_PIXELS: f32 = 9.0;
 
-/// Shading that no lobe explains (other light, bent normals), as a share of brightness.
+/// Fewest pixels of a ring that is heard: narrow lobes show in a few.
+const FEWEST: f32 = 3.0;
+
+/// Variance of the logarithm of a texture of which too little is seen to tell.
+const UNSEEN_TEXTURE: f32 = 0.01;
+
+/// Shading that no lobe explains, as a share of brightness, on a surface seen head on…
 const UNEXPLAINED: f32 = 0.02;
+
+/// …and how it grows with the square of the chord: light from other surfaces stays where that of the
+/// flash falls off.
+const UNEXPLAINED_ASLANT: f32 = 0.1;
+
+/// Normals are never better than this (chord, so about radians).
+const LEAST_TILT: f32 = 0.01;
 
 /// Largest pieces of surface that lend what they show to others of their color.
 const LENDERS: usize = 128;
@@ -30,12 +44,13 @@ const LENDERS: usize = 128;
 /// Two pieces are of one material when their colors differ by less (logarithms, per channel).
 const SAME_COLOR: f32 = 0.15;
 
-/// Sums over the pixels of one ring of one piece.
+/// Sums over the pixels of one ring of one piece. Brightness is summed as logarithms: texture and
+/// light from elsewhere scale it, and a glint that covers few pixels must not decide for all.
 #[derive(Debug, Clone, Copy, Default)]
 struct Ring {
     count: f32,
     chord: f32,
-    brightness: f32,
+    log: f32,
     square: f32,
 }
 
@@ -43,7 +58,8 @@ struct Ring {
 #[derive(Debug, Clone)]
 struct Evidence {
     rings: [Ring; RINGS],
-    color: [f32; 3],
+    log_color: [f32; 3],
+    tilt: f32,
     pixels: f32,
 }
 
@@ -51,46 +67,63 @@ impl Default for Evidence {
     fn default() -> Self {
         Self {
             rings: [Ring::default(); RINGS],
-            color: [0.0; 3],
+            log_color: [0.0; 3],
+            tilt: 0.0,
             pixels: 0.0,
         }
     }
 }
 
+/// One ring's answer.
+#[derive(Debug, Clone, Copy)]
+struct Point {
+    chord: f32,
+    log: f32,
+    variance: f32,
+}
+
+/// Darkest albedo told apart from none.
+const BLACK: f32 = 1e-3;
+
 impl Evidence {
-    fn add(&mut self, Reflection { value, cosine, .. }: Reflection) {
+    /// `tilt` is the standard deviation of the pixel's normal, radians.
+    fn add(&mut self, Reflection { value, cosine, .. }: Reflection, tilt: f32) {
         // NaN fails every comparison.
         if !(cosine > 0.2 && value[0] + value[1] + value[2] > 0.0) {
             return;
         }
-        let plain = value.map(|v| v / cosine);
-        let brightness = (plain[0] + plain[1] + plain[2]) / 3.0;
+        let plain = value.map(|v| (v / cosine).max(BLACK));
+        let log = ((plain[0] + plain[1] + plain[2]) / 3.0).ln();
         let chord = (2.0 * (1.0 - cosine)).max(0.0).sqrt();
         let ring = ((chord / WIDEST).powf(0.6) * RINGS as f32) as usize;
-        for (sum, value) in self.color.iter_mut().zip(plain) {
-            *sum += value;
+        for (sum, value) in self.log_color.iter_mut().zip(plain) {
+            *sum += value.ln();
         }
         self.pixels += 1.0;
+        self.tilt += tilt.clamp(0.0, 1.0);
         if let Some(ring) = self.rings.get_mut(ring) {
             ring.count += 1.0;
             ring.chord += chord;
-            ring.brightness += brightness;
-            ring.square += brightness * brightness;
+            ring.log += log;
+            ring.square += log * log;
         }
     }
 
-    /// Rings as (cosine, mean brightness, its variance).
-    fn profile(&self) -> Vec<(f32, f32, f32)> {
+    fn profile(&self) -> Vec<Point> {
         let point = |ring: &Ring| {
-            let mean = ring.brightness / ring.count;
-            let spread = (ring.square / ring.count - mean * mean).max(0.0);
+            let log = ring.log / ring.count;
+            let spread = (ring.square / ring.count - log * log).max(0.0) + UNSEEN_TEXTURE;
             let chord = ring.chord / ring.count;
-            let variance = spread * TEXTURE_PIXELS / ring.count + (UNEXPLAINED * mean).powi(2);
-            (1.0 - 0.5 * chord * chord, mean, variance + 1e-8)
+            let unexplained = UNEXPLAINED + UNEXPLAINED_ASLANT * chord * chord;
+            Point {
+                chord,
+                log,
+                variance: spread * TEXTURE_PIXELS / ring.count + unexplained * unexplained,
+            }
         };
         self.rings
             .iter()
-            .filter(|ring| ring.count >= TEXTURE_PIXELS)
+            .filter(|ring| ring.count >= FEWEST)
             .map(point)
             .collect()
     }
@@ -98,35 +131,66 @@ impl Evidence {
     /// Logarithm of how well each candidate explains the profile, on top of one albedo.
     fn log_likelihood(&self) -> [f32; CANDIDATES] {
         let profile = self.profile();
-        let misfit: [f32; CANDIDATES] = std::array::from_fn(|i| misfit(&profile, candidate(i)));
+        let tilt = LEAST_TILT.hypot(self.tilt / self.pixels.max(1.0));
+        let misfit: [f32; CANDIDATES] =
+            std::array::from_fn(|i| misfit(&profile, candidate(i), tilt));
         let best = misfit.iter().copied().fold(f32::INFINITY, f32::min);
         // A profile that no candidate fits is weak evidence for any of them.
         let excess = (best / (profile.len() as f32 - 2.0).max(1.0)).max(1.0);
         misfit.map(|m| -0.5 * (m - best) / excess)
     }
 
-    /// Logarithm of the mean color; `None` without light.
+    /// Logarithm of the color, averaged as such; `None` without light.
     fn log_color(&self) -> Option<[f32; 3]> {
-        (self.pixels > 0.0).then(|| self.color.map(|sum| (sum / self.pixels).max(1e-3).ln()))
+        (self.pixels > 0.0).then(|| self.log_color.map(|sum| sum / self.pixels))
     }
 }
 
-/// Weighted squared error of `albedo + highlight(roughness)` with the best albedo.
-fn misfit(profile: &[(f32, f32, f32)], roughness: f32) -> f32 {
-    let (mut sum, mut weights) = (0.0, 0.0);
-    for &(cosine, value, variance) in profile {
-        sum += (value - karis_at_lens(cosine, roughness)) / variance;
-        weights += 1.0 / variance;
+/// Weighted squared error of ln(albedo + highlight(roughness)) with the best albedo, and what the
+/// freedom of the weights costs. `tilt` is the error of the normals, which blurs narrow lobes.
+fn misfit(profile: &[Point], roughness: f32, tilt: f32) -> f32 {
+    let highlight = |chord: f32| karis_at_lens(1.0 - 0.5 * chord * chord, roughness);
+    let lobe: Vec<[f32; 3]> = profile
+        .iter()
+        .map(|point| {
+            [
+                highlight(point.chord),
+                highlight((point.chord - tilt).max(0.0)),
+                highlight(point.chord + tilt),
+            ]
+        })
+        .collect();
+    // Gauss–Newton on ln(albedo), which keeps it positive; it starts at the darkest ring.
+    let mut log_albedo = profile
+        .iter()
+        .map(|point| point.log)
+        .fold(0.0, f32::min)
+        .max(BLACK.ln());
+    let variance = |point: &Point, lobe: &[f32; 3], albedo: f32| {
+        let blurred = 0.5 * ((albedo + lobe[1]) / (albedo + lobe[2])).ln();
+        point.variance + blurred * blurred
+    };
+    for _ in 0..5 {
+        let albedo = log_albedo.exp();
+        let (mut step, mut weights) = (0.0, 1e-9);
+        for (point, lobe) in profile.iter().zip(&lobe) {
+            let share = albedo / (albedo + lobe[0]);
+            let weight = share / variance(point, lobe, albedo);
+            step += weight * (point.log - (albedo + lobe[0]).ln());
+            weights += weight * share;
+        }
+        log_albedo = (log_albedo + (step / weights).clamp(-1.0, 1.0)).clamp(BLACK.ln(), 0.0);
     }
-    let albedo = if weights > 0.0 {
-        (sum / weights).clamp(0.0, 1.0)
-    } else {
-        0.0
-    };
-    let error = |&(cosine, value, variance): &(f32, f32, f32)| {
-        (value - albedo - karis_at_lens(cosine, roughness)).powi(2) / variance
-    };
-    profile.iter().map(error).sum()
+    let albedo = log_albedo.exp();
+    profile
+        .iter()
+        .zip(&lobe)
+        .map(|(point, lobe)| {
+            let variance = variance(point, lobe, albedo);
+            let error = point.log - (albedo + lobe[0]).ln();
+            error * error / variance + (variance / point.variance).ln()
+        })
+        .sum()
 }
 
 /// Mean and standard deviation of the candidates under a log-likelihood.
@@ -153,11 +217,16 @@ fn expected(log_likelihood: &[f32; CANDIDATES]) -> (f32, f32) {
 /// curve, pieces of one color sharing their evidence, and the mean of the candidates is the answer:
 /// a surface never seen head on gets the middle of the range, one seen head on without a highlight
 /// the middle of its matte end.
-pub(super) fn roughness(reflections: &Plane<Reflection>, regions: &Regions) -> Plane<f32> {
+pub(super) fn roughness(
+    reflections: &Plane<Reflection>,
+    normal_sigma: &Plane<f32>,
+    regions: &Regions,
+) -> Plane<f32> {
     let mut evidence = vec![Evidence::default(); regions.count];
-    for (reflection, region) in reflections.samples().iter().zip(regions.of.samples()) {
+    let pixels = reflections.samples().iter().zip(normal_sigma.samples());
+    for ((reflection, tilt), region) in pixels.zip(regions.of.samples()) {
         if let Some(region) = region {
-            evidence[*region as usize].add(*reflection);
+            evidence[*region as usize].add(*reflection, *tilt);
         }
     }
     let mut lenders: Vec<usize> = (0..evidence.len()).collect();
@@ -168,7 +237,7 @@ pub(super) fn roughness(reflections: &Plane<Reflection>, regions: &Regions) -> P
         .filter_map(|&i| Some((i, evidence[i].log_color()?, evidence[i].log_likelihood())))
         .collect();
     let answers: Vec<f32> = evidence
-        .iter()
+        .par_iter()
         .enumerate()
         .map(|(i, own)| {
             let mut log = own.log_likelihood();
@@ -206,11 +275,12 @@ mod tests {
         for i in 0..20_000 {
             let cosine = (1.0 - (i as f32 + 0.5) / 20_000.0).sqrt();
             let value = cosine * (albedo + karis_at_lens(cosine, roughness));
-            evidence.add(Reflection {
+            let seen = Reflection {
                 value: [value; 3],
                 variance: 1e-6,
                 cosine,
-            });
+            };
+            evidence.add(seen, 0.0);
         }
         evidence
     }
@@ -251,7 +321,11 @@ mod tests {
             shiny(if x < 200 { (1.0 - share).sqrt() } else { 0.5 })
         });
         let of = Plane::from_fn(400, 50, |x, _| Some(u32::from(x >= 200)));
-        let found = roughness(&reflections, &Regions { of, count: 2 });
+        let found = roughness(
+            &reflections,
+            &reflections.map(|_| 0.0),
+            &Regions { of, count: 2 },
+        );
         assert!((found[(10, 10)] - 0.3).abs() < 0.05, "{}", found[(10, 10)]);
         assert!(
             (found[(300, 10)] - 0.3).abs() < 0.05,
