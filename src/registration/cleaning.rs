@@ -8,6 +8,9 @@ use rayon::prelude::*;
 /// Steepest surface believed to be one surface, as the tangent of its angle to the image plane
 /// (86°). Steeper steps between neighbours are edges.
 pub(super) const STEEPEST: f32 = 14.3;
+/// Tangent (80.5°) up to which a single step is believed; a steeper one only where the surface
+/// goes on like it.
+pub(super) const STEEP: f32 = 6.0;
 /// Standard deviation below which no Time-of-Flight camera is believed, metres.
 const SIGMA_FLOOR_METRES: f32 = 0.0005;
 /// Largest standard deviation, as a fraction of the distance.

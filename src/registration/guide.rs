@@ -16,7 +16,7 @@ const BLOCK: usize = 32;
 const ROWS_PER_TASK: usize = 16;
 
 /// Colors of one material scatter by about this much, in 255ths of the square root of light.
-const ALIKE: f32 = 12.0;
+const ALIKE: f32 = 8.0;
 
 /// The guide in steps the eye would call even (square root of light, 8 bits); empty = no guide.
 #[derive(Debug, Clone, Default)]

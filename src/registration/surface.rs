@@ -12,7 +12,7 @@ mod quads;
 
 use super::{
     RegisteredDepth,
-    cleaning::{Cleaned, STEEPEST},
+    cleaning::{Cleaned, STEEP, STEEPEST},
     maps::{ColorGrid, DepthGrid, Rays},
 };
 use band::Band;
@@ -94,6 +94,7 @@ impl Surface {
             width: depth.width,
             height: depth.height,
             amplitude: frame.amplitude.as_ref().map(|plane| plane.samples()),
+            steep: std::f32::consts::SQRT_2 * STEEP * depth.spacing,
             steepest: std::f32::consts::SQRT_2 * STEEPEST * depth.spacing,
             largest: LARGEST_TRIANGLE_SAMPLES * rays.magnification.max(1.0),
             half_sample: 0.5 * rays.magnification,

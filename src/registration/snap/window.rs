@@ -5,20 +5,20 @@ use crate::registration::guide::{Guide, likeness};
 use fearless_simd::{Simd, f32x8, prelude::*};
 
 /// How much more alike the other surface must look before a pixel changes sides.
-const CLEARLY: f32 = 1.25;
+const CLEARLY: f32 = 3.0;
 /// Trust in a sample inside the band, where edges wander, against one outside.
 const IN_BAND: f32 = 0.15;
 /// How much of that a filled pixel asks for, which was a guess to begin with.
 const FILLED: f32 = 0.3;
 /// The band is at most this wide on each side, pixels.
 pub(super) const WIDEST: usize = 8;
-/// Windows of a larger radius take every second pixel.
-const DENSE_RADIUS: usize = 6;
+/// Taps from the middle of a window to its side, at most.
+const TAPS_ASIDE: usize = 4;
 
 /// Neighbouring pixels decided together.
 pub(super) const LANES: usize = 8;
 /// Most taps along one side of a window.
-const TAPS: usize = 2 * WIDEST + 1;
+const TAPS: usize = 2 * TAPS_ASIDE + 1;
 /// Most columns that the windows of [`LANES`] pixels cover.
 const COLUMNS: usize = LANES + 4 * WIDEST;
 
@@ -48,8 +48,9 @@ pub(super) struct Shape {
 impl Shape {
     /// For a band of `reach` ≤ [`WIDEST`] pixels on each side of an edge.
     pub fn new(reach: usize) -> Self {
-        let radius = 2 * reach.min(WIDEST);
-        let stride = if radius > DENSE_RADIUS { 2 } else { 1 };
+        let widest = 2 * reach.min(WIDEST);
+        let stride = widest.div_ceil(TAPS_ASIDE);
+        let radius = widest / stride * stride;
         let mut shape = Self {
             radius,
             stride,

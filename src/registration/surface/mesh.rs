@@ -11,7 +11,9 @@ pub(super) struct Mesh<'a> {
     pub width: usize,
     pub height: usize,
     pub amplitude: Option<&'a [f32]>,
-    /// Largest relative step of depth within a quad on one surface.
+    /// Largest relative step of depth within a quad on one surface…
+    pub steep: f32,
+    /// …and within one whose surface goes on as steeply beside it.
     pub steepest: f32,
     /// Longest side of a triangle's box, pixels.
     pub largest: f32,
@@ -46,11 +48,54 @@ impl Mesh<'_> {
             high = high.max(vertex[2]);
             sigma = sigma.max(vertex[3].abs());
         }
-        low > 0.0 && high - low <= low * self.allowed(sigma, high)
+        low > 0.0 && high - low <= low * self.allowed(self.steep, sigma, high)
     }
 
-    /// Index of [`TRIANGLES`] for a quad that does not lie on one surface.
-    fn kind(&self, v: [Vertex; 4]) -> u8 {
+    /// A quad steeper than surfaces usually are goes on beside itself, on one side or the other:
+    /// a floor seen from just above, not the edge of something before a wall.
+    fn goes_on(&self, x: usize, y: usize) -> bool {
+        let corners = self.corners(x, y);
+        let q = corners.map(|i| self.vertices[2][i]);
+        let low = q.into_iter().fold(f32::INFINITY, f32::min);
+        let high = q.into_iter().fold(0.0, f32::max);
+        let sigma = corners.map(|i| self.vertices[3][i].abs());
+        let sigma = sigma.into_iter().fold(0.0, f32::max);
+        if !(low > 0.0 && high - low <= low * self.allowed(self.steepest, sigma, high)) {
+            return false;
+        }
+        let across = (q[1] + q[3]) - (q[0] + q[2]);
+        let down = (q[2] + q[3]) - (q[0] + q[1]);
+        let ([x_step, y_step], step) = if across.abs() > down.abs() {
+            ([1, 0], across)
+        } else {
+            ([0, 1], down)
+        };
+        [-1isize, 1].into_iter().any(|side| {
+            let x = x.checked_add_signed(side * x_step);
+            let y = y.checked_add_signed(side * y_step);
+            let (Some(x), Some(y)) = (x, y) else {
+                return false;
+            };
+            if x + 1 >= self.width || y + 1 >= self.height {
+                return false;
+            }
+            let [a, b, c, d] = self.corners(x, y).map(|i| self.vertices[2][i]);
+            let beside = if x_step == 1 {
+                (b + d) - (a + c)
+            } else {
+                (c + d) - (a + b)
+            };
+            // False for NaN.
+            (beside - step).abs() < 0.5 * step.abs()
+        })
+    }
+
+    /// Index of [`TRIANGLES`] for a quad that is too steep or does not lie on one surface.
+    fn kind(&self, x: usize, y: usize) -> u8 {
+        let v = self.corners(x, y).map(|i| self.vertex(i));
+        if self.goes_on(x, y) {
+            return diagonal(v[0][2], v[1][2], v[2][2], v[3][2]);
+        }
         (3..7)
             .find(|&kind| self.is_surface(TRIANGLES[kind][0].map(|corner| v[corner])))
             .unwrap_or(0) as u8
@@ -73,7 +118,7 @@ impl Mesh<'_> {
                 row[width - 1] = 0;
                 for (x, kind) in row[..width - 1].iter_mut().enumerate() {
                     if *kind == 0 {
-                        *kind = self.kind(self.corners(x, y).map(|i| self.vertex(i)));
+                        *kind = self.kind(x, y);
                     }
                 }
             });
@@ -94,16 +139,15 @@ impl Mesh<'_> {
             let low = q0[x].min(q1[x]).min(q2[x].min(q3[x]));
             let high = q0[x].max(q1[x]).max(q2[x].max(q3[x]));
             let sigma = (s0[x].abs().max(s1[x].abs())).max(s2[x].abs().max(s3[x].abs()));
-            let whole = (low > 0.0) & (high - low <= low * self.allowed(sigma, high));
-            let kind = 2 - u8::from((q1[x] - q2[x]).abs() <= (q0[x] - q3[x]).abs());
-            row[x] = kind * u8::from(whole);
+            let whole = (low > 0.0) & (high - low <= low * self.allowed(self.steep, sigma, high));
+            row[x] = diagonal(q0[x], q1[x], q2[x], q3[x]) * u8::from(whole);
         }
     }
 
     /// Largest relative step of depth within one surface.
     #[inline(always)]
-    fn allowed(&self, sigma: f32, inverse: f32) -> f32 {
-        self.steepest + (4.0 * sigma * inverse).min(0.02)
+    fn allowed(&self, step: f32, sigma: f32, inverse: f32) -> f32 {
+        step + (4.0 * sigma * inverse).min(0.02)
     }
 
     #[inline(always)]
@@ -139,6 +183,12 @@ impl Mesh<'_> {
             *unusual = !whole & (inverse[x] > 0.0) & (sigma[x] > 0.0);
         }
     }
+}
+
+/// Index of [`TRIANGLES`] for a whole quad of these inverse depths: cut where it bends least.
+#[inline(always)]
+fn diagonal(q0: f32, q1: f32, q2: f32, q3: f32) -> u8 {
+    2 - u8::from((q1 - q2).abs() <= (q0 - q3).abs())
 }
 
 /// A triangle is drawn at this sample.
