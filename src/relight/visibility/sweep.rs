@@ -21,6 +21,10 @@ pub(super) const LIT: u8 = 127;
 /// surface tilted this many times (tangent) would show.
 pub(in crate::relight) const STEEPEST_TANGENT: f32 = 8.0;
 
+/// Noise excuses steps between neighbours up to this share of their depth: where depth is a
+/// guess, at silhouettes, its sigma spans the gap to the surface behind.
+const MOST_NOISE: f32 = 0.01;
+
 /// Softness of the comparison in standard deviations of the difference of two depths.
 const SIGMAS: f32 = 1.5;
 
@@ -244,7 +248,7 @@ impl<'a> Walk<'a> {
             let nearest = first_nearer.select(q0, q1);
             let thickness: f32x16<S> = (packed & 0xffff_0000).bitcast();
             let sigma: f32x16<S> = (packed << 16).bitcast();
-            let relative_sigma = sigma * nearest;
+            let relative_sigma = (sigma * nearest).min(MOST_NOISE);
             let jump = relative_sigma.mul_add(f32x16::splat(simd, 2.0), edge) * nearest;
             let one_surface = (q0 - q1).abs().simd_lt(jump);
             let q = one_surface.select(fraction.mul_add(q1 - q0, q0), nearest);
