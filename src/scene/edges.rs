@@ -16,8 +16,12 @@ pub(super) struct Edges {
 /// Jumps smaller than so many pixel pitches are the surface's own relief.
 const RELIEF_PITCHES: f32 = 4.0;
 
-/// Jumps smaller than so many standard deviations are noise.
+/// Jumps smaller than so many standard deviations are noise…
 const NOISE_SIGMAS: f32 = 4.0;
+
+/// …but none above this share of depth: where depth is a guess, at silhouettes, its sigma spans the
+/// gap to what lies behind.
+const MOST_NOISE: f32 = 0.05;
 
 /// Finds the cuts: the step between two pixels that neither side's own slope explains, above noise
 /// and relief. `focal_pixels` turns pixel pitches into relative depth.
@@ -53,7 +57,8 @@ pub(super) fn edges(depth: &InverseDepth, focal_pixels: f32) -> Edges {
                     let noise = depth.variance[(x, y)]
                         .max(depth.variance[(x + dx, y + dy)])
                         .sqrt();
-                    let allowed = NOISE_SIGMAS * noise + relief * here.min(there);
+                    let excused = (NOISE_SIGMAS * noise).min(MOST_NOISE * here.min(there));
+                    let allowed = excused + relief * here.min(there);
                     *cut = step.is_nan() || unexplained > allowed;
                 }
             });

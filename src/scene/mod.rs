@@ -13,6 +13,7 @@ mod noise;
 mod normals;
 mod rays;
 mod regions;
+mod rims;
 mod roughness;
 mod smooth;
 mod surface;

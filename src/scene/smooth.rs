@@ -40,7 +40,7 @@ const NOISE_MARGIN: f32 = 1.7;
 const MOST_NOISY: f32 = 2.5;
 
 /// Sigmas are believed within this factor of the median when pixels are compared.
-const MOST_DOUBT: f32 = 4.0;
+pub(super) const MOST_DOUBT: f32 = 4.0;
 
 /// Growth of noise from one size of window to the next, at most: beyond it (bent surfaces leave their
 /// plane four times as far with every doubling) even the quietest windows show shape.

@@ -1,8 +1,10 @@
 //! The surface that the depth shows: smoothed where it is noisy, as it is where it is not.
 
 use super::{
+    edges::edges,
     noise::{Noise, noise},
-    smooth::{InverseDepth, Smoothed, smooth},
+    rims::settle,
+    smooth::{InverseDepth, MOST_DOUBT, Smoothed, smooth},
 };
 use drivers::{Plane, Rig};
 use rayon::prelude::*;
@@ -74,11 +76,21 @@ pub(super) fn surface(
     if slope_noise > QUIET_SLOPES {
         // The smallest window spans some three samples of the depth camera.
         let side = (1.5 * coarseness).log2().round().max(1.0).exp2() as usize;
+        let mut smoothed = smooth(&value, &sigma, side, smoothing);
+        let usual = ratio * median(sigma.samples().iter().copied());
+        // Where depth is a guess its sigma spans the step beside it.
+        let spread = sigma.map(|s| (ratio * s).min(MOST_DOUBT * usual));
+        let measured = InverseDepth {
+            variance: spread.map(|s| s * s),
+            value,
+        };
+        let cuts = edges(&measured, focal).firm(&measured);
+        settle(&mut smoothed, &measured.value, &spread, &cuts, 2 * side);
         let Smoothed {
             depth,
             slope,
             slope_variance,
-        } = smooth(&value, &sigma, side, smoothing);
+        } = smoothed;
         let normal_sigma = angle(&depth, focal, |i| slope_variance.samples()[i]);
         return Surface {
             depth,

@@ -22,7 +22,7 @@ pub(super) struct Moments {
 }
 
 impl Moments {
-    fn add_pixel(&mut self, x: f64, y: f64, w: f64, weight: f64) {
+    pub fn add_pixel(&mut self, x: f64, y: f64, w: f64, weight: f64) {
         self.count += 1.0;
         self.weight += weight;
         self.x += weight * x;
@@ -116,7 +116,12 @@ pub(super) fn windows(blocks: &Plane<Moments>, side: usize) -> Plane<Window> {
             .into_iter()
             .filter_map(|(back, up)| blocks.get(i.checked_sub(back)?, j.checked_sub(up)?))
             .fold(Moments::default(), |sum, &block| sum + block);
-        fit(&moments, side)
+        // A window of one column or one pixel has no slope across; the ridge keeps it at zero.
+        fit(
+            &moments,
+            1e-6 * (side * side) as f64,
+            (4 * side * side) as f64,
+        )
     })
 }
 
@@ -127,27 +132,29 @@ impl Window {
     }
 }
 
-fn fit(moments: &Moments, side: usize) -> Window {
+/// `ridge`, in pixels², flattens slopes that few pixels tell; `area` is the window's in pixels.
+pub(super) fn fit(moments: &Moments, ridge: f64, area: f64) -> Window {
     let m = moments;
     let (x, y, w) = (m.x / m.weight, m.y / m.weight, m.w / m.weight);
-    // A window of one column or one pixel has no slope across; this keeps it at zero.
-    let least = 1e-6 * (side * side) as f64;
-    let xx = m.xx / m.weight - x * x + least;
-    let yy = m.yy / m.weight - y * y + least;
+    let xx = m.xx / m.weight - x * x;
+    let yy = m.yy / m.weight - y * y;
     let xy = m.xy / m.weight - x * y;
     let xw = m.xw / m.weight - x * w;
     let yw = m.yw / m.weight - y * w;
-    let determinant = xx * yy - xy * xy;
-    let across = (xw * yy - yw * xy) / determinant;
-    let down = (yw * xx - xw * xy) / determinant;
-    let rest = (m.ww / m.weight - w * w - across * xw - down * yw).max(0.0);
+    let (wide, tall) = (xx + ridge, yy + ridge);
+    let determinant = wide * tall - xy * xy;
+    let across = (xw * tall - yw * xy) / determinant;
+    let down = (yw * wide - xw * xy) / determinant;
+    let explained = 2.0 * (across * xw + down * yw)
+        - (across * across * xx + 2.0 * across * down * xy + down * down * yy);
+    let rest = (m.ww / m.weight - w * w - explained).max(0.0);
     Window {
         center: [x as f32, y as f32],
         value: w as f32,
         slope: [across as f32, down as f32],
         misfit: (rest * m.weight / m.count).sqrt() as f32,
         sigma: (m.count / m.weight).sqrt() as f32,
-        fill: (m.count / (4 * side * side) as f64) as f32,
+        fill: (m.count / area) as f32,
     }
 }
 
@@ -164,8 +171,7 @@ mod tests {
             for window in windows(&blocks, side).samples() {
                 assert!((window.slope[0] - 0.003).abs() < 1e-6, "{window:?}");
                 assert!((window.slope[1] + 0.002).abs() < 1e-6, "{window:?}");
-                // What keeps singular windows finite leaves this much of a slope of three sigmas.
-                assert!(window.misfit < 0.05, "{window:?}");
+                assert!(window.misfit < 0.01, "{window:?}");
             }
             blocks = halved(&blocks);
         }
