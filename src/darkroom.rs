@@ -258,6 +258,11 @@ fn doubts(labels: &[String], development: &Development, relit: &[Relit]) -> Vec<
         ),
     );
     doubt(
+        !development.scene.flash_lit,
+        "the photograph does not look lit by a flash at the lens (its light does not fall off with distance and slant): it is taken as evenly lit, and its own shading stays in the albedo; take one photograph with the flash and one without"
+            .into(),
+    );
+    doubt(
         found.clipped_fraction > WORTH_SAYING,
         format!(
             "{} of the photograph is clipped and has no answer; shorten the exposure or step back",

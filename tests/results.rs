@@ -51,6 +51,7 @@ fn scene(width: usize, height: usize, scale_known: bool) -> Scene {
         roughness: plane(0.5),
         confidence: plane(1.0),
         scale_known,
+        flash_lit: true,
     }
 }
 

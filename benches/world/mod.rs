@@ -78,6 +78,7 @@ pub fn scene(width: usize, height: usize) -> Scene {
         roughness: Plane::filled(width, height, 0.4),
         confidence: Plane::filled(width, height, 1.0),
         scale_known: true,
+        flash_lit: true,
     }
 }
 

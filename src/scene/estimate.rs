@@ -4,6 +4,7 @@ use super::{
     Scene, albedo,
     confidence::confidence,
     edges::edges,
+    lighting::{UNKNOWN_LIGHT, UNTOLD_ROUGHNESS, evenly_lit, followed, may_be_flash},
     normals::{normals, normals_of_slopes},
     rays::rays,
     regions::regions,
@@ -119,7 +120,13 @@ pub fn estimate(
         &rays,
         &rig.flash,
     );
+    let regions = regions(&edges, &normal);
     let scale_known = rig.flash.intensity.is_some();
+    // A stated intensity was measured: there is a flash.
+    let flash_lit = scale_known || may_be_flash(followed(&flash.light.0, &reflections, &regions));
+    if !flash_lit {
+        reflections = evenly_lit(&flash.light.0, &flash.variance, &reflections);
+    }
     if !scale_known {
         let scale = albedo::plausible_scale(&reflections);
         reflections.samples_mut().par_iter_mut().for_each(|r| {
@@ -127,8 +134,18 @@ pub fn estimate(
             r.variance *= scale * scale;
         });
     }
-    let roughness = roughness(&reflections, &normal_sigma, &regions(&edges, &normal));
-    let (albedo, _) = albedo::albedo(&reflections, &roughness, &normal_sigma);
+    let roughness = if flash_lit {
+        roughness(&reflections, &normal_sigma, &regions)
+    } else {
+        known.map(|&z| if z.is_nan() { z } else { UNTOLD_ROUGHNESS })
+    };
+    let albedo = if flash_lit {
+        albedo::albedo(&reflections, &roughness, &normal_sigma).0
+    } else {
+        // No normal enters an even light, and no highlight is taken out of it.
+        let (matte, exact) = (known.map(|_| 1.0), known.map(|_| 0.0));
+        albedo::albedo(&reflections, &matte, &exact).0
+    };
     let thickness_metres = thickness(
         &depth_metres,
         &edges.firm(&surface),
@@ -142,6 +159,11 @@ pub fn estimate(
         &depth_sigma_metres,
         &depth.measured,
     );
+    let confidence = if flash_lit {
+        confidence
+    } else {
+        confidence.map(|c| UNKNOWN_LIGHT * c)
+    };
     Ok(Scene {
         camera,
         depth_metres,
@@ -152,6 +174,7 @@ pub fn estimate(
         roughness,
         confidence,
         scale_known,
+        flash_lit,
     })
 }
 

@@ -9,6 +9,7 @@ mod edges;
 mod estimate;
 mod fill;
 mod karis;
+mod lighting;
 mod noise;
 mod normals;
 mod rays;
@@ -48,4 +49,7 @@ pub struct Scene {
     pub confidence: Plane<f32>,
     /// True when albedo is absolute; false when it is right up to one global scale.
     pub scale_known: bool,
+    /// False when the photograph does not look lit from the lens: then its light was taken to be
+    /// the same everywhere, its own shading stays in `albedo`, and `roughness` is a guess.
+    pub flash_lit: bool,
 }
