@@ -4,29 +4,38 @@ use super::{
     lines::{BAND, Fan},
     sweep::{LIT, Swept, UNSEEN},
 };
+use fearless_simd::{Level, dispatch};
 
 /// Finds every pixel's answer among the lines of a finished sweep.
 #[derive(Debug)]
 pub struct Answers<'a> {
     vanishing_point: [f64; 2],
-    above: Option<(&'a Fan, &'a [u8])>,
-    below: Option<(&'a Fan, &'a [u8])>,
-    left: Option<(&'a Fan, &'a [u8])>,
-    right: Option<(&'a Fan, &'a [u8])>,
+    above: Option<Side<'a>>,
+    below: Option<Side<'a>>,
+    left: Option<Side<'a>>,
+    right: Option<Side<'a>>,
     /// Per column, how the fan left or right of the vanishing point is asked.
-    columns: Vec<Question>,
+    columns: Questions,
 }
 
-/// How the lines at one major coordinate are asked.
+/// How the lines are asked at one major coordinate after another.
+#[derive(Debug, Default)]
+struct Questions {
+    /// The line nearest to minor coordinate n, plus half, is `n · gain + offset`.
+    gain: Vec<f32>,
+    offset: Vec<f32>,
+    /// Rounds a line's index down to one that is asked here.
+    mask: Vec<u32>,
+    /// Where the answers of this major coordinate start in every band.
+    start: Vec<u32>,
+}
+
+/// How the lines are asked at one major coordinate; fields as in [`Questions`].
 #[derive(Debug, Clone, Copy, Default)]
 struct Question {
-    /// The line nearest to minor coordinate n is `n · gain + offset`.
     gain: f32,
     offset: f32,
-    /// Rounds a line's index down to one that is asked here, after `half` was added.
     mask: u32,
-    half: f32,
-    /// Where the answers of this major coordinate start in every band.
     start: u32,
 }
 
@@ -37,22 +46,91 @@ impl Question {
         let apart = 1u32 << fan.crowding(major);
         Self {
             gain,
-            offset,
+            offset: offset + apart as f32 * 0.5,
             mask: !(apart - 1),
-            half: apart as f32 * 0.5,
             start: ((major - fan.from) * BAND) as u32,
         }
     }
 
-    /// Index of the answer for minor coordinate `minor` among those of `fan`.
+    /// Index of the answer for minor coordinate `minor` among those of a fan of so many lines in
+    /// bands of so many answers.
     #[inline(always)]
-    fn place(&self, fan: &Fan, minor: f32) -> u32 {
+    fn place(self, minor: f32, lines: usize, band: u32) -> u32 {
         // Floats of this size count in ones: a conversion to an integer by adding.
         const ONES: f32 = 8_388_608.0;
-        let line = minor * self.gain + (self.offset + self.half);
-        let most = (fan.lines - 1) as f32 + 0.5;
+        let most = (lines - 1) as f32 + 0.5;
+        let line = minor * self.gain + self.offset;
         let line = (line.max(0.5).min(most) - 0.5 + ONES).to_bits() & 0x7f_ffff & self.mask;
-        line / BAND as u32 * (fan.steps() * BAND) as u32 + line % BAND as u32 + self.start
+        line / BAND as u32 * band + line % BAND as u32 + self.start
+    }
+}
+
+impl Questions {
+    fn push(&mut self, question: Question) {
+        self.gain.push(question.gain);
+        self.offset.push(question.offset);
+        self.mask.push(question.mask);
+        self.start.push(question.start);
+    }
+}
+
+/// Pixels whose places are found together, before any answer is looked up: the one is arithmetic
+/// on many numbers, the other a load each.
+const PIECE: usize = 512;
+
+/// A fan and what its lines answered.
+#[derive(Debug, Clone, Copy)]
+struct Side<'a> {
+    fan: &'a Fan,
+    answers: &'a [u8],
+}
+
+impl Side<'_> {
+    fn band(&self) -> u32 {
+        (self.fan.steps() * BAND) as u32
+    }
+
+    /// Answers for pixels (first, y), (first + 1, y), … of a fan above or below.
+    fn along_row(&self, y: usize, first: usize, out: &mut [u8]) {
+        let question = Question::new(self.fan, y);
+        let (lines, band) = (self.fan.lines, self.band());
+        let mut places = [0u32; PIECE];
+        for (n, out) in out.chunks_mut(PIECE).enumerate() {
+            let first = (first + n * PIECE) as f32;
+            let places = &mut places[..out.len()];
+            dispatch!(Level::new(), _simd => {
+                for (n, place) in places.iter_mut().enumerate() {
+                    *place = question.place(first + n as f32, lines, band);
+                }
+            });
+            self.look_up(places, out);
+        }
+    }
+
+    /// Answers for pixels (first, y), (first + 1, y), … of a fan on the left or right.
+    fn across_row(&self, y: usize, columns: &Questions, first: usize, out: &mut [u8]) {
+        let (lines, band, y) = (self.fan.lines, self.band(), y as f32);
+        let mut places = [0u32; PIECE];
+        for (n, out) in out.chunks_mut(PIECE).enumerate() {
+            let range = first + n * PIECE..first + n * PIECE + out.len();
+            let places = &mut places[..out.len()];
+            let (gain, offset) = (&columns.gain[range.clone()], &columns.offset[range.clone()]);
+            let (mask, start) = (&columns.mask[range.clone()], &columns.start[range]);
+            dispatch!(Level::new(), _simd => {
+                let questions = gain.iter().zip(offset).zip(mask).zip(start);
+                for (place, (((&gain, &offset), &mask), &start)) in places.iter_mut().zip(questions) {
+                    let question = Question { gain, offset, mask, start };
+                    *place = question.place(y, lines, band);
+                }
+            });
+            self.look_up(places, out);
+        }
+    }
+
+    fn look_up(&self, places: &[u32], out: &mut [u8]) {
+        for (out, &place) in out.iter_mut().zip(places) {
+            *out = self.answers.get(place as usize).copied().unwrap_or(LIT);
+        }
     }
 }
 
@@ -66,19 +144,18 @@ impl<'a> Answers<'a> {
                 .iter()
                 .zip(&swept.answers)
                 .find(|(fan, _)| fan.along_x == along_x && fan.grows_outward == grows_outward)
-                .map(|(fan, answers)| (fan, answers.as_slice()))
+                .map(|(fan, answers)| Side { fan, answers })
         };
         let (left, right) = (find(true, false), find(true, true));
-        let columns = (0..width)
-            .map(|x| {
-                let side = if (x as f64) < swept.fans.vanishing_point[0] {
-                    left
-                } else {
-                    right
-                };
-                side.map_or(Question::default(), |(fan, _)| Question::new(fan, x))
-            })
-            .collect();
+        let mut columns = Questions::default();
+        for x in 0..width {
+            let side = if (x as f64) < swept.fans.vanishing_point[0] {
+                left
+            } else {
+                right
+            };
+            columns.push(side.map_or(Question::default(), |side| Question::new(side.fan, x)));
+        }
         Self {
             vanishing_point: swept.fans.vanishing_point,
             above: find(false, false),
@@ -94,7 +171,6 @@ impl<'a> Answers<'a> {
     pub fn row(&self, y: usize, visibility: &mut [f32]) -> usize {
         let mut unseen = 0;
         // In pieces that stay in the nearest cache and are turned to floats many at a time.
-        const PIECE: usize = 512;
         let mut answers = [0u8; PIECE];
         for (index, visibility) in visibility.chunks_mut(PIECE).enumerate() {
             let answers = &mut answers[..visibility.len()];
@@ -120,23 +196,12 @@ impl<'a> Answers<'a> {
         let (left, rest) = out.split_at_mut(first - from);
         let (middle, right) = rest.split_at_mut(end - first);
         match if dy < 0.0 { self.above } else { self.below } {
-            Some((fan, answers)) => {
-                let question = Question::new(fan, y);
-                for (out, x) in middle.iter_mut().zip(first..) {
-                    let place = question.place(fan, x as f32);
-                    *out = answers.get(place as usize).copied().unwrap_or(LIT);
-                }
-            }
+            Some(side) => side.along_row(y, first, middle),
             None => middle.fill(LIT),
         }
         for (out, from, side) in [(left, from, self.left), (right, end, self.right)] {
             match side {
-                Some((fan, answers)) => {
-                    for (out, question) in out.iter_mut().zip(&self.columns[from..]) {
-                        let place = question.place(fan, y as f32);
-                        *out = answers.get(place as usize).copied().unwrap_or(LIT);
-                    }
-                }
+                Some(side) => side.across_row(y, &self.columns, from, out),
                 None => out.fill(LIT),
             }
         }
