@@ -1,0 +1,1 @@
+"""The networks of Qiu et al. 2020, as published, trained on our own renders."""
