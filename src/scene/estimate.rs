@@ -4,6 +4,7 @@ use super::{
     Scene, albedo,
     confidence::confidence,
     edges::edges,
+    grain::shrunk,
     lighting::{UNKNOWN_LIGHT, UNTOLD_ROUGHNESS, evenly_lit, followed, may_be_flash},
     normals::{normals, normals_of_slopes},
     rays::rays,
@@ -112,27 +113,29 @@ pub fn estimate(
         None => normals(&surface, &edges, &rays),
     };
 
-    let mut reflections = albedo::reflections(
-        &flash.light.0,
-        &flash.variance,
-        &depth_metres,
-        &normal,
-        &rays,
-        &rig.flash,
-    );
+    let of_flash = |light: &Plane<[f32; 3]>, variance: &Plane<f32>| {
+        albedo::reflections(light, variance, &depth_metres, &normal, &rays, &rig.flash)
+    };
+    let mut reflections = of_flash(&flash.light.0, &flash.variance);
     let regions = regions(&edges, &normal);
     let scale_known = rig.flash.intensity.is_some();
     // A stated intensity was measured: there is a flash.
     let flash_lit = scale_known || may_be_flash(followed(&flash.light.0, &reflections, &regions));
+    // Grain goes from what becomes albedo; how highlights fall off is asked of the light as it is.
+    let (light, variance) = shrunk(&flash.light.0, &flash.variance);
+    let mut matte = of_flash(&light, &variance);
     if !flash_lit {
         reflections = evenly_lit(&flash.light.0, &flash.variance, &reflections);
+        matte = evenly_lit(&light, &variance, &matte);
     }
     if !scale_known {
         let scale = albedo::plausible_scale(&reflections);
-        reflections.samples_mut().par_iter_mut().for_each(|r| {
-            r.value = r.value.map(|v| v * scale);
-            r.variance *= scale * scale;
-        });
+        for plane in [&mut reflections, &mut matte] {
+            plane.samples_mut().par_iter_mut().for_each(|r| {
+                r.value = r.value.map(|v| v * scale);
+                r.variance *= scale * scale;
+            });
+        }
     }
     let roughness = if flash_lit {
         roughness(&reflections, &normal_sigma, &regions)
@@ -140,11 +143,11 @@ pub fn estimate(
         known.map(|&z| if z.is_nan() { z } else { UNTOLD_ROUGHNESS })
     };
     let albedo = if flash_lit {
-        albedo::albedo(&reflections, &roughness, &normal_sigma).0
+        albedo::albedo(&matte, &roughness, &normal_sigma).0
     } else {
         // No normal enters an even light, and no highlight is taken out of it.
-        let (matte, exact) = (known.map(|_| 1.0), known.map(|_| 0.0));
-        albedo::albedo(&reflections, &matte, &exact).0
+        let (rough, exact) = (known.map(|_| 1.0), known.map(|_| 0.0));
+        albedo::albedo(&matte, &rough, &exact).0
     };
     let thickness_metres = thickness(
         &depth_metres,

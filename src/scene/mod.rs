@@ -8,6 +8,7 @@ mod confidence;
 mod edges;
 mod estimate;
 mod fill;
+mod grain;
 mod karis;
 mod lighting;
 mod noise;
