@@ -179,9 +179,12 @@ def main():
         losses.clear()
 
     stop = time.monotonic() + 60 * asked.minutes
+    epoch, order = None, None
     while step < asked.epochs * per_epoch:
-        epoch = step // per_epoch
-        chosen = pairs(train, asked.seed, epoch)[step % per_epoch * asked.batch :][: asked.batch]
+        if step // per_epoch != epoch:
+            epoch = step // per_epoch
+            order = pairs(train, asked.seed, epoch)
+        chosen = order[step % per_epoch * asked.batch :][: asked.batch]
         rng = np.random.default_rng([asked.seed, step])
         found = {name: value.to(device) for name, value in train.batch(*chosen.T, rng).items()}
         loss = stage.loss(stage.answer(found), found)

@@ -99,7 +99,7 @@ pub(super) fn plausible_scale(reflections: &Plane<Reflection>) -> f32 {
     BRIGHT_ALBEDO / *bright
 }
 
-/// Albedo per pixel, and its standard deviation.
+/// Albedo per pixel.
 ///
 /// The most probable albedo given `value − highlight = albedo·cos + noise` and a prior at the mean
 /// of its surroundings. Noise is that of the light and that of the cosine, which rules at grazing
@@ -109,7 +109,7 @@ pub(super) fn albedo(
     reflections: &Plane<Reflection>,
     roughness: &Plane<f32>,
     normal_sigma: &Plane<f32>,
-) -> (Plane<[f32; 3]>, Plane<f32>) {
+) -> Plane<[f32; 3]> {
     let (width, height) = reflections.size();
     // Per pixel: albedo by plain division, and the information (1/variance) behind it.
     let mut plain = Plane::filled(width, height, [f32::NAN; 3]);
@@ -161,13 +161,11 @@ pub(super) fn albedo(
     // The same, uncertain cosines and all: what the surroundings must be scaled by to be believed.
     let known = plain.map(|albedo| f32::from(u8::from(!albedo[0].is_nan())));
     let here = local_mean(&plain, &known, SURROUNDINGS_PIXELS);
-    let mut sigma = Plane::filled(width, height, f32::NAN);
     plain
         .samples_mut()
         .par_iter_mut()
-        .zip(sigma.samples_mut())
         .enumerate()
-        .for_each(|(i, (albedo, sigma))| {
+        .for_each(|(i, albedo)| {
             if reflections.samples()[i].cosine.is_nan() {
                 *albedo = [f32::NAN; 3];
                 return;
@@ -191,7 +189,6 @@ pub(super) fn albedo(
             } else {
                 *albedo = around.map(|p| p.clamp(0.0, 1.0));
             }
-            *sigma = 1.0 / (weight + pull).sqrt();
         });
-    (plain, sigma)
+    plain
 }

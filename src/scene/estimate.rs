@@ -116,18 +116,22 @@ pub fn estimate(
     let of_flash = |light: &Plane<[f32; 3]>, variance: &Plane<f32>| {
         albedo::reflections(light, variance, &depth_metres, &normal, &rays, &rig.flash)
     };
-    let mut reflections = of_flash(&flash.light.0, &flash.variance);
+    let reflections = of_flash(&flash.light.0, &flash.variance);
     let regions = regions(&edges, &normal);
     let scale_known = rig.flash.intensity.is_some();
     // A stated intensity was measured: there is a flash.
     let flash_lit = scale_known || may_be_flash(followed(&flash.light.0, &reflections, &regions));
     // Grain goes from what becomes albedo; how highlights fall off is asked of the light as it is.
     let (light, variance) = shrunk(&flash.light.0, &flash.variance);
-    let mut matte = of_flash(&light, &variance);
-    if !flash_lit {
-        reflections = evenly_lit(&flash.light.0, &flash.variance, &reflections);
-        matte = evenly_lit(&light, &variance, &matte);
-    }
+    let (mut reflections, mut matte) = if flash_lit {
+        (reflections, of_flash(&light, &variance))
+    } else {
+        let even = |light, variance| evenly_lit(light, variance, &reflections);
+        (
+            even(&flash.light.0, &flash.variance),
+            even(&light, &variance),
+        )
+    };
     if !scale_known {
         let scale = albedo::plausible_scale(&reflections);
         for plane in [&mut reflections, &mut matte] {
@@ -137,17 +141,16 @@ pub fn estimate(
             });
         }
     }
-    let roughness = if flash_lit {
-        roughness(&reflections, &normal_sigma, &regions)
-    } else {
-        known.map(|&z| if z.is_nan() { z } else { UNTOLD_ROUGHNESS })
-    };
-    let albedo = if flash_lit {
-        albedo::albedo(&matte, &roughness, &normal_sigma).0
+    let (roughness, albedo, trust) = if flash_lit {
+        let roughness = roughness(&reflections, &normal_sigma, &regions);
+        let albedo = albedo::albedo(&matte, &roughness, &normal_sigma);
+        (roughness, albedo, 1.0)
     } else {
         // No normal enters an even light, and no highlight is taken out of it.
         let (rough, exact) = (known.map(|_| 1.0), known.map(|_| 0.0));
-        albedo::albedo(&matte, &rough, &exact).0
+        let albedo = albedo::albedo(&matte, &rough, &exact);
+        let roughness = known.map(|&z| if z.is_nan() { z } else { UNTOLD_ROUGHNESS });
+        (roughness, albedo, UNKNOWN_LIGHT)
     };
     let thickness_metres = thickness(
         &depth_metres,
@@ -161,12 +164,8 @@ pub fn estimate(
         &depth_metres,
         &depth_sigma_metres,
         &depth.measured,
-    );
-    let confidence = if flash_lit {
-        confidence
-    } else {
-        confidence.map(|c| UNKNOWN_LIGHT * c)
-    };
+    )
+    .map(|c| trust * c);
     Ok(Scene {
         camera,
         depth_metres,

@@ -19,51 +19,38 @@ const FOLD_RATIO: f32 = 3.0;
 /// from one side beside a cut or a fold; a pixel cut off on both sides along an axis is taken to
 /// face the camera there.
 pub(super) fn normals(depth: &InverseDepth, edges: &Edges, rays: &Plane<Vec2>) -> Plane<Vec3> {
-    let (width, height) = depth.value.size();
-    let mut plane = Plane::filled(width, height, Vec3::NAN);
-    plane
-        .samples_mut()
-        .par_chunks_mut(width.max(1))
-        .enumerate()
-        .for_each(|(y, row)| {
-            for (x, normal) in row.iter_mut().enumerate() {
-                let here = depth.value[(x, y)];
-                let ray = rays[(x, y)];
-                if here.is_nan() || ray.is_nan() {
-                    continue;
-                }
-                let [left, right, above, below] = edges.open(x, y);
-                let noise = depth.variance[(x, y)].sqrt();
-                let across = slope(
-                    [
-                        left.then(|| here - depth.value[(x - 1, y)]),
-                        right.then(|| depth.value[(x + 1, y)] - here),
-                    ],
-                    [
-                        (left && edges.open(x - 1, y)[0])
-                            .then(|| depth.value[(x - 1, y)] - depth.value[(x - 2, y)]),
-                        (right && edges.open(x + 1, y)[1])
-                            .then(|| depth.value[(x + 2, y)] - depth.value[(x + 1, y)]),
-                    ],
-                    noise,
-                );
-                let down = slope(
-                    [
-                        above.then(|| here - depth.value[(x, y - 1)]),
-                        below.then(|| depth.value[(x, y + 1)] - here),
-                    ],
-                    [
-                        (above && edges.open(x, y - 1)[2])
-                            .then(|| depth.value[(x, y - 1)] - depth.value[(x, y - 2)]),
-                        (below && edges.open(x, y + 1)[3])
-                            .then(|| depth.value[(x, y + 2)] - depth.value[(x, y + 1)]),
-                    ],
-                    noise,
-                );
-                *normal = plane_normal(here, ray, across, down, ray_steps(rays, x, y));
-            }
-        });
-    plane
+    of_planes(depth, rays, |x, y| {
+        let here = depth.value[(x, y)];
+        let [left, right, above, below] = edges.open(x, y);
+        let noise = depth.variance[(x, y)].sqrt();
+        let across = slope(
+            [
+                left.then(|| here - depth.value[(x - 1, y)]),
+                right.then(|| depth.value[(x + 1, y)] - here),
+            ],
+            [
+                (left && edges.open(x - 1, y)[0])
+                    .then(|| depth.value[(x - 1, y)] - depth.value[(x - 2, y)]),
+                (right && edges.open(x + 1, y)[1])
+                    .then(|| depth.value[(x + 2, y)] - depth.value[(x + 1, y)]),
+            ],
+            noise,
+        );
+        let down = slope(
+            [
+                above.then(|| here - depth.value[(x, y - 1)]),
+                below.then(|| depth.value[(x, y + 1)] - here),
+            ],
+            [
+                (above && edges.open(x, y - 1)[2])
+                    .then(|| depth.value[(x, y - 1)] - depth.value[(x, y - 2)]),
+                (below && edges.open(x, y + 1)[3])
+                    .then(|| depth.value[(x, y + 2)] - depth.value[(x, y + 1)]),
+            ],
+            noise,
+        );
+        [across, down]
+    })
 }
 
 /// Unit normals in camera axes from known changes of 1/z per pixel to the right and down; NaN where
@@ -72,6 +59,16 @@ pub(super) fn normals_of_slopes(
     depth: &InverseDepth,
     slope: &Plane<[f32; 2]>,
     rays: &Plane<Vec2>,
+) -> Plane<Vec3> {
+    of_planes(depth, rays, |x, y| slope[(x, y)].map(Some))
+}
+
+/// Normals of the planes through every pixel; `slopes` gives the change of 1/z per pixel to the
+/// right and down.
+fn of_planes(
+    depth: &InverseDepth,
+    rays: &Plane<Vec2>,
+    slopes: impl Fn(usize, usize) -> [Option<f32>; 2] + Sync,
 ) -> Plane<Vec3> {
     let (width, height) = depth.value.size();
     let mut plane = Plane::filled(width, height, Vec3::NAN);
@@ -85,7 +82,7 @@ pub(super) fn normals_of_slopes(
                 if here.is_nan() || ray.is_nan() {
                     continue;
                 }
-                let [across, down] = slope[(x, y)].map(Some);
+                let [across, down] = slopes(x, y);
                 *normal = plane_normal(here, ray, across, down, ray_steps(rays, x, y));
             }
         });

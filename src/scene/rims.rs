@@ -57,7 +57,9 @@ pub(super) fn settle(
                 let sigma = sigma[(x, y)];
                 values[x] = plane
                     .at(x as f32, y as f32)
-                    .clamp(measured - MOST_MOVED * sigma, measured + MOST_MOVED * sigma);
+                    // Not `clamp`, which panics where absurd depth leaves no bounds.
+                    .max(measured - MOST_MOVED * sigma)
+                    .min(measured + MOST_MOVED * sigma);
                 slopes[x] = plane.slope;
                 // A third of the reach squared is the spread of evenly placed pixels.
                 let spread = (reach * reach) as f32 / 3.0;

@@ -124,7 +124,10 @@ pub(super) fn smooth(
                 // Comparisons were made with sigmas kept within reason; what comes out is honest.
                 let sigma = sigma[(x, y)].max(doubt[(x, y)]);
                 let most = blend.most_moved * doubt[(x, y)];
-                values[x] = (share * blend.value).clamp(value[(x, y)] - most, value[(x, y)] + most);
+                // Not `clamp`, which panics where absurd depth leaves no bounds.
+                values[x] = (share * blend.value)
+                    .max(value[(x, y)] - most)
+                    .min(value[(x, y)] + most);
                 variances[x] = share * blend.variance * sigma * sigma;
                 slopes[x] = blend.slope.map(|slope| share * slope);
                 slope_variances[x] = share * blend.slope_variance * sigma * sigma;
