@@ -27,7 +27,8 @@ def one_bounce(depth, amplitude, normal, camera, wavenumber):
     Light that came back straight to `amplitude` also left toward everything else. Approximate: matte; once; between visible
     points on a coarse grid with nothing in their way; interpolated, across depth steps too. The form factor is that of a disc,
     finite where surfaces touch. On five rendered desks and walls the bias of depth correlated by 0.95 to 0.98 with that of all
-    pixels as senders, 0.7 to 5 mm RMS apart where it was 3 to 22 mm (80 MHz, albedo 0.6).
+    pixels as senders, 0.7 to 5 mm RMS apart where it was 3 to 22 mm (80 MHz, albedo 0.6); among free-standing things, where it
+    was 1 mm, only by 0.4.
     """
     height, width = depth.shape
     points, _ = rays(camera, depth.shape)
