@@ -12,15 +12,20 @@ import numpy as np
 import OpenEXR
 from mitsuba_oidn import denoise
 
+from . import environment
+from .environment_maps import procedural, write_map
 from .scene import FLIP
+from .tof import amplitude, paper_noise, sensed
 from .tracer import Camera, Lamp, Tracer, direct, indirect
 
 
-def rendered(scene, size, direct_side=3, indirect_side=2, bounces=3, with_ambient=False):
-    """Every channel of the scene as numpy arrays, NaN where a ray left the scene; radiance 0 there."""
+def rendered(scene, size, direct_side=3, indirect_side=2, bounces=3, with_ambient=False, with_relit=True, environments=0):
+    """Every channel of the scene as numpy arrays, NaN where a ray left the scene; radiance 0 there.
+
+    Without relit pictures the lamps cost one shadow map each. `environments` maps, each a number of the scene's, light it too."""
     rng = np.random.default_rng([scene.facts["seed"], scene.facts["index"], 7])
     tracer, camera = Tracer(scene), Camera(size, scene.fov_degrees)
-    lamps = [Lamp(light * FLIP, False) for light in scene.lights] + [Lamp(scene.flash_position, True)]
+    lamps, flash = [Lamp(light * FLIP, False) for light in scene.lights], Lamp(scene.flash_position, True)
     room = [Lamp(at, True, power) for at, power in scene.ambient["lamps"]] if with_ambient else []
     h = tracer.hit(mi.Point3f(0), camera.rays(1, rng))
     dr.eval(h.__dict__)
@@ -33,42 +38,72 @@ def rendered(scene, size, direct_side=3, indirect_side=2, bounces=3, with_ambien
         "normal_smooth": truth(h.smooth) * FLIP.astype(np.float32),  # before relief; beyond what the folder format lists
         "albedo": truth(h.albedo),
         "roughness": truth(h.rough)[..., 0],
-        "shadow": [tracer.visible(h, lamp).numpy().reshape(size, size) | ~known for lamp in lamps[:-1]],
+        "shadow": [tracer.visible(h, lamp).numpy().reshape(size, size) | ~known for lamp in lamps],
     }
-    lit, (albedo, normal) = direct(tracer, camera, lamps + room, direct_side, rng)
+    shining = [*(lamps if with_relit else []), flash, *room]
+    lit, (albedo, normal) = direct(tracer, camera, shining, direct_side, rng)
     sky = None
     if bounces:
-        more, sky = indirect(tracer, camera, lamps + room, indirect_side, bounces, rng, scene.ambient if with_ambient else None)
+        more, sky = indirect(tracer, camera, shining, indirect_side, bounces, rng, scene.ambient if with_ambient else None)
         # only the smooth indirect part is denoised: shadow edges and highlights stay as traced
         clean = lambda image: np.maximum(denoise(image, albedo, normal, hdr=True), 0)
         covered = albedo.max(-1, keepdims=True) > 0
         lit = [a + clean(b) * covered for a, b in zip(lit, more)]
         sky = clean(sky) * covered if with_ambient else None
-    lights = len(scene.lights)
-    channels["relit"], channels["flash"] = lit[:lights], lit[lights]
+    at = shining.index(flash)
+    channels["relit"], channels["flash"] = lit[:at], lit[at]
     if with_ambient:
-        channels["ambient"] = sum(lit[lights + 1 :]) + (sky if sky is not None else 0)
+        channels["ambient"] = sum(lit[at + 1 :]) + (sky if sky is not None else 0)
+    facts = scene.facts
+    maps = [procedural(1000 * facts["index"] + 100 * k + facts["seed"]) for k in range(environments)]
+    under = lambda pixels: environment.lit(tracer, camera, environment.Environment(pixels), direct_side, bounces, rng)
+    channels["environments"] = [(pixels, under(pixels)) for pixels in maps]
     channels["focal"], channels["centre"] = float(camera.f), float(camera.c)
     return channels
 
 
-def write(scene, channels, folder, size):
+def exposed(scene, channels):
+    """The photographs at the exposure of a shot: flash alone, the room's light if it is lit, and the flash's intensity.
+
+    One surface pixel in a hundred is above 0.7 in the light of the flash."""
+    known = channels["mask"]
+    bright = np.percentile(channels["flash"][known].max(-1), 99) if known.any() else 1.0
+    intensity = float(np.float32(0.7 / max(bright, 1e-6)))
+    found = {"flash": channels["flash"] * intensity, "intensity": intensity}
+    if "ambient" in channels:
+        ambient = channels["ambient"]
+        found["ambient"] = ambient * (scene.ambient["share"] * found["flash"][known].mean() / max(ambient[known].mean(), 1e-9))
+    return found
+
+
+def measured(scene, channels, noise):
+    """Depth (H, W) metres and amplitude as a depth camera delivers them: `none` is perfect, `paper` has the paper's noise on
+    depth alone, `tof` is what `tof.Sensor` makes of both."""
+    facts, depth = scene.facts, channels["depth"]
+    camera = (channels["focal"], channels["focal"], channels["centre"], channels["centre"])
+    clean = amplitude(channels["albedo"], channels["normal"], depth, camera, facts["index"], channels["roughness"])
+    rng = np.random.default_rng([facts["seed"], facts["index"], 11])
+    if noise == "tof":
+        answer = sensed(depth, clean, channels["normal_smooth"], camera, rng)
+        return answer.metres, answer.amplitude
+    return (paper_noise(depth, rng) if noise == "paper" else depth), clean
+
+
+def write(scene, channels, folder, size, depth_noise="none"):
     """The folder, complete or not there at all: it is written beside its place and renamed."""
     folder = Path(folder)
     building = folder.with_name(f".{folder.name}.{os.getpid()}")
     shutil.rmtree(building, ignore_errors=True)
     (building / "truth").mkdir(parents=True)
-    known = channels["mask"]
-    bright = np.percentile(channels["flash"][known].max(-1), 99) if known.any() else 1.0
-    intensity = float(np.float32(0.7 / max(bright, 1e-6)))
-    flash = channels["flash"] * intensity
-    if "ambient" in channels:
-        ambient = channels["ambient"]
-        ambient = ambient * (scene.ambient["share"] * flash[known].mean() / max(ambient[known].mean(), 1e-9))
-        exr(building / "ambient.exr", ambient)
-        flash = flash + ambient
+    known, light = channels["mask"], exposed(scene, channels)
+    flash, intensity = light["flash"], light["intensity"]
+    if "ambient" in light:
+        exr(building / "ambient.exr", light["ambient"])
+        flash = flash + light["ambient"]
     exr(building / "flash.exr", flash)
-    exr(building / "depth.exr", channels["depth"])
+    depth, infrared = measured(scene, channels, depth_noise)
+    exr(building / "depth.exr", depth)
+    exr(building / "amplitude.exr", infrared)
     if not known.all():
         png(building / "mask.png", known)
     truth = building / "truth"
@@ -80,6 +115,9 @@ def write(scene, channels, folder, size):
         png(truth / f"shadow_{k:03}.png", channels["shadow"][k])
         at = ", ".join(f"{c:.6f}" for c in light)
         lines += ["[[light]]", f"direction = [{at}]", f'image = "relit_{k:03}.exr"', f'shadow = "shadow_{k:03}.png"', "intensity = [1.0, 1.0, 1.0]"]
+    for k, (pixels, picture) in enumerate(channels["environments"]):
+        write_map(truth / f"environment_{k:03}.hdr", pixels)
+        exr(truth / f"environment_{k:03}.exr", picture)
     (truth / "lights.toml").write_text("\n".join(lines) + "\n")
     (truth / "scene.json").write_text(json.dumps(scene.facts, indent=1) + "\n")
     position = ", ".join(f"{c:.6f}" for c in scene.flash_position)

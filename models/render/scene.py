@@ -1,7 +1,7 @@
 """One random scene in the camera's frame: x right, y down, z forward, metres.
 
-Everything is a pure function of (split, index, seed). Shapes and textures are numbered, and each split owns
-its own numbers: those ending in 8 are validation's, in 9 the test's, all others training's.
+Everything is a pure function of (split, index, seed, share of packaged things). What shapes and textures a split may
+use stands in `bank`.
 """
 
 from dataclasses import dataclass
@@ -9,11 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 import trimesh
 
-from .shapes import shape
-from .textures import texture
+from .bank import SPLITS, Bank
 
-SPLITS = {"train": range(8), "val": range(8, 9), "test": range(9, 10)}
-CREASE = np.cos(np.radians(35))  # faces that meet at less than this are shaded as one smooth surface
 FLIP = np.array([1.0, -1.0, -1.0])  # between camera axes and those given by people
 
 
@@ -33,21 +30,19 @@ class Scene:
     facts: dict  # what the scene was made of, for truth/scene.json
 
 
-def scene(split, index, seed, light_count):
-    """The scene of that split and index."""
+def scene(split, index, seed, light_count, packaged=0.0):
+    """The scene of that split and index; `packaged` is the share of its shapes and textures that come from packages."""
     rng = np.random.default_rng([seed, list(SPLITS).index(split), index])
-    draw = lambda: int(rng.integers(10_000_000) * 10 + rng.choice(list(SPLITS[split])))
+    bank = Bank(split, packaged, rng)
     layout = str(rng.choice(["desk", "wall", "free"], p=[0.55, 0.2, 0.25]))
     fov, distance = rng.uniform(40, 70), np.exp(rng.uniform(np.log(0.6), np.log(2.2)))
     view = distance * np.tan(np.radians(fov / 2))  # half the width of the field at that distance
     pitch, yaw, made, planes = _supports(rng, layout, distance, view)
     used = []
     for _ in range(rng.integers(4, 10) if layout == "free" else rng.integers(3, 11)):
-        shape_id = draw()
-        family, vertices, faces = shape(shape_id)
-        vertices, size = _placed(rng, layout, vertices, view, distance)
-        made.append(_object(vertices, faces, 2 + int(rng.integers(6)), rng.uniform(0.6, 2.0) / size))
-        used.append({"shape": shape_id, "family": family})
+        solid = bank.solid()
+        made.append(_placed(rng, layout, solid, view, distance, 2 + int(rng.integers(6))))
+        used.append({"shape": solid.name, "family": solid.family})
     to_camera = _looking(rng, pitch, yaw)
     centre = np.array([0, 0, 0.3 * view if layout == "desk" else 0.0])
     corners, normals, uv, tile = (np.concatenate([m[k] for m in made]) for k in range(4))
@@ -57,19 +52,19 @@ def scene(split, index, seed, light_count):
     nearest = np.full(len(made), np.inf)
     np.minimum.at(nearest, part, corners[:, :, 2].min(1))
     kept = (nearest > 0.15 * distance)[part] | (tile < 2)
-    texture_ids = [draw() for _ in range(8)]
+    textures = [bank.tile() for _ in range(8)]
     return Scene(
         corners=corners[kept],
         normals=(normals @ to_camera.T)[kept],
         uv=uv[kept],
         tile=tile[kept],
-        tiles=np.stack([texture(i) for i in texture_ids]),
+        tiles=np.stack([tile for _, tile in textures]),
         fov_degrees=fov,
         lights=_lights(rng, light_count, [to_camera @ p for p in planes]),
         flash_position=np.r_[rng.uniform(0.008, 0.03) * _unit(rng.normal(size=2)), 0.0],
         ambient=_room(rng, to_camera @ [0, 0, 1.0], distance),
         facts={"split": split, "index": index, "seed": seed, "layout": layout, "distance_metres": distance,
-               "objects": used, "textures": texture_ids},
+               "objects": used, "textures": [name for name, _ in textures]},
     )
 
 
@@ -93,26 +88,29 @@ def _supports(rng, layout, distance, view):
     return pitch, 0.0, made, planes
 
 
-def _placed(rng, layout, vertices, view, distance):
-    """The shape turned, sized and put in the layout: vertices in the world frame and its longest side in metres."""
+def _placed(rng, layout, solid, view, distance, tile):
+    """The solid turned, sized and put in the layout, in the world frame: corners, normals, texture coordinates, tiles."""
     crowded = layout == "free"  # nothing else fills the picture there
     size = view * np.exp(rng.uniform(np.log(0.35 if crowded else 0.18), np.log(1.1 if crowded else 0.85)))
     upright = rng.random() < (0.6 if layout == "desk" else 0.2)
     turn = trimesh.transformations.random_rotation_matrix(rng.random(3))[:3, :3]
     if upright:
         turn = trimesh.transformations.rotation_matrix(rng.uniform(0, 6.28), [0, 0, 1])[:3, :3]
-    vertices = vertices @ turn.T * size
+    turn = turn.astype(np.float32)
+    corners = solid.corners @ (turn.T * np.float32(size))
+    low, high = corners.min((0, 1)), corners.max((0, 1))
     x, y = rng.uniform(-1, 1, 2) * (0.45 if crowded else 0.65) * view
     if layout == "desk":
-        vertices += [x, y, -vertices[:, 2].min() - 1e-4 * distance]
+        offset = [x, y, -low[2] - 1e-4 * distance]
         if rng.random() < 0.12:
-            vertices[:, 2] += rng.uniform(0.05, 0.5) * view
+            offset[2] += rng.uniform(0.05, 0.5) * view
     elif layout == "wall":
-        sink = rng.uniform(-0.4, 0.6) * (vertices[:, 1].max() - vertices[:, 1].min())
-        vertices += [x, -vertices[:, 1].max() + max(sink, -0.3 * view), y]
+        sink = rng.uniform(-0.4, 0.6) * (high[1] - low[1])
+        offset = [x, -high[1] + max(sink, -0.3 * view), y]
     else:
-        vertices += [x, rng.uniform(-0.6, 0.6) * view, y]
-    return vertices, size
+        offset = [x, rng.uniform(-0.6, 0.6) * view, y]
+    uv = solid.uv * np.float32(rng.uniform(0.6, 2.0))
+    return corners + np.float32(offset), solid.normals @ turn.T, uv, np.full(len(corners), tile)
 
 
 def _looking(rng, pitch, yaw):
@@ -176,27 +174,3 @@ def _plane(half, period, tile):
 def _moved(part, rotation, offset):
     corners, normals, uv, tile = part
     return corners @ rotation.T + offset, normals @ rotation.T, uv, tile
-
-
-def _object(vertices, faces, tile, density):
-    """Corners, crease-aware normals and box-projected texture coordinates of one object."""
-    corners = vertices[faces]
-    area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    keep = np.linalg.norm(area, axis=1) > 1e-14
-    corners, area, faces = corners[keep], area[keep], faces[keep]
-    face_normal = _unit(area)
-    # merge vertices that coincide, then average the normals of the faces round each that meet smoothly
-    _, weld = np.unique(np.round(corners.reshape(-1, 3) / np.ptp(vertices, axis=0).max(), 6), axis=0, return_inverse=True)
-    weld = weld.ravel()
-    order = np.argsort(weld, kind="stable")
-    start = np.r_[0, np.cumsum(np.bincount(weld))]
-    valence = np.diff(start)[weld]
-    this = np.repeat(np.arange(len(weld)), valence)
-    within = np.arange(len(this)) - np.repeat(np.cumsum(valence) - valence, valence)
-    other = order[start[weld[this]] + within]
-    smooth = np.einsum("ij,ij->i", face_normal[this // 3], face_normal[other // 3]) > CREASE
-    normals = np.stack([np.bincount(this, area[other // 3, k] * smooth, len(weld)) for k in range(3)], -1)
-    axis = np.abs(face_normal).argmax(1)
-    plane = np.array([[1, 2], [0, 2], [0, 1]])[axis]
-    uv = np.stack([np.take_along_axis(corners[:, i], plane, 1) for i in range(3)], 1) * density
-    return corners, _unit(normals).reshape(-1, 3, 3), uv, np.full(len(corners), tile)

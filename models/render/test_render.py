@@ -17,8 +17,9 @@ dr.set_thread_count(1)
 
 from . import tracer as tr  # noqa: E402
 from .capture_folder import rendered, write  # noqa: E402
+from . import shards  # noqa: E402
 from .contact_sheet import exr  # noqa: E402
-from .scene import FLIP, SPLITS, Scene, scene  # noqa: E402
+from .scene import FLIP, Scene, scene  # noqa: E402
 from .textures import SIZE  # noqa: E402
 
 FLOATS = 2e-3  # relative: float32 through a dozen operations of a peaked function
@@ -159,11 +160,19 @@ def test_relief_tilts_the_normal_by_its_slope_and_mirrors_with_the_tile(offset):
     np.testing.assert_allclose(camera.image(h.ns, 1), np.broadcast_to(wanted, (8, 8, 3)), atol=1e-5)
 
 
-def test_a_written_folder_holds_what_its_files_say(tmp_path):
-    # a white matte plane, squarely at two metres, smaller than the picture: every expected number is known
+def white_plane():
+    """A white matte plane, squarely at two metres, smaller than the picture, in a lit room: every expected number is known."""
     made, _ = plane_scene(1.0, 1.0, z=2.0, half=0.5)
     made.lights, made.facts = np.array([[0.0, 0.0, 1.0], [0.6, 0.0, 0.8]]), {"seed": 1, "index": 0}
     made.ambient = {"share": 0.5, "up": np.array([0, -1.0, 0]), "sky": np.ones(3), "ground": np.ones(3), "lamps": []}
+    return made
+
+
+GLOSS = 1.02  # what the microfacet term may add at roughness 1
+
+
+def test_a_written_folder_holds_what_its_files_say(tmp_path):
+    made = white_plane()
     write(made, rendered(made, 32, 2, 2, 1, with_ambient=True), tmp_path / "0000", 32)
     assert [p.name for p in tmp_path.iterdir()] == ["0000"]
     folder, truth = tmp_path / "0000", tmp_path / "0000" / "truth"
@@ -174,16 +183,56 @@ def test_a_written_folder_holds_what_its_files_say(tmp_path):
     assert np.array_equal(np.isfinite(depth), mask > 0)
     np.testing.assert_allclose(exr(truth / "normal.exr")[16, 16], [0, 0, 1], atol=1e-6)
     flash = (exr(folder / "flash.exr") - exr(folder / "ambient.exr"))[16, 16]
-    gloss = 1.02  # what the microfacet term may add at roughness 1
-    assert 1 <= flash[0] * 2.0**2 / capture["flash"]["intensity"] <= gloss
+    assert 1 <= flash[0] * 2.0**2 / capture["flash"]["intensity"] <= GLOSS
+    assert 1 <= exr(folder / "amplitude.exr")[16, 16] * 2.0**2 <= GLOSS
     for light in tomllib.loads((truth / "lights.toml").read_text())["light"]:
         assert light["direction"][2] <= exr(truth / light["image"])[16, 16, 0] <= light["direction"][2] + 0.03
         assert (cv2.imread(str(truth / light["shadow"]), 0) == 255).all()
 
 
+@pytest.mark.parametrize("noise", ["paper", "tof"])
+def test_noise_is_in_the_depth_and_never_in_the_truth(tmp_path, noise):
+    write(white_plane(), rendered(white_plane(), 32, 1, 1, 0), tmp_path / "0", 32, noise)
+    depth, truth = exr(tmp_path / "0" / "depth.exr"), exr(tmp_path / "0" / "truth" / "depth.exr")
+    np.testing.assert_allclose(truth[truth > 0], 2.0, rtol=1e-5)
+    # the paper's noise is a share of the scene's extent, and a plane has none
+    assert np.nanstd(depth) < 1e-4 if noise == "paper" else 1e-4 < np.nanstd(depth) < 0.02
+
+
+def test_a_map_lights_a_white_plane_with_its_mean(tmp_path):
+    made = white_plane()
+    channels = rendered(made, 32, 3, 2, 1, environments=1)
+    write(made, channels, tmp_path / "0", 32)
+    (pixels, picture), truth = channels["environments"][0], tmp_path / "0" / "truth"
+    assert pixels.shape[1] == 2 * pixels.shape[0] and (truth / "environment_000.hdr").exists()
+    np.testing.assert_array_equal(exr(truth / "environment_000.exr"), picture)
+    # what reaches a plane that faces the camera: the half in front, weighted by the cosine
+    y, x = (np.mgrid[: len(pixels), : 2 * len(pixels)] + 0.5) * np.pi / len(pixels)
+    cosine = np.sin(y) * np.cos(x)  # the map's middle is what the camera looks at, so the light comes from its edges
+    weight = np.where(cosine > 0, cosine, 0) * np.sin(y)
+    wanted = (pixels * weight[..., None]).sum((0, 1)) / weight.sum()
+    np.testing.assert_allclose(picture[14:18, 14:18].mean((0, 1)), wanted, rtol=0.06)  # gloss and noise
+
+
+def test_a_shard_holds_what_its_scenes_hold(tmp_path):
+    made = white_plane()
+    channels = rendered(made, 32, 2, 2, 1, with_ambient=True)
+    kept = shards.arrays(made, channels)
+    shards.write([kept, kept], tmp_path / "0000-0001")
+    assert [p.name for p in tmp_path.iterdir()] == ["0000-0001"]
+    found = {p.stem: np.load(p) for p in (tmp_path / "0000-0001").glob("*.npy")}
+    assert found["relit"].shape == (2, 2, 3, 32, 32) and found["shadow"].shape == (2, 2, 1, 32, 32)
+    assert found["depth"][1, 0, 16, 16] == pytest.approx(2.0, rel=1e-5) and np.isnan(found["depth"][1, 0, 0, 0])
+    assert found["flash"][0, :, 0, 0].max() == 0 and found["albedo"][0, 0, 16, 16] == 1
+    facing = found["flash"][0, 0, 16, 16] * 2.0**2 / found["intensity"][0]
+    assert 0.999 <= facing <= GLOSS and 0.8 <= found["relit"][0, 1, 0, 16, 16] <= 0.83
+    share = found["ambient"][0][:, 2:-2, 2:-2].mean() / found["flash"][0][:, 2:-2, 2:-2].mean()
+    assert share == pytest.approx(0.5, rel=0.1)
+
+
 def test_splits_share_no_shape_and_no_texture():
-    seen = {split: set() for split in SPLITS}
-    for split in SPLITS:
+    seen = {split: set() for split in ("train", "val", "test")}
+    for split in seen:
         for index in range(2):
             facts = scene(split, index, 1, 8).facts
             seen[split] |= {o["shape"] for o in facts["objects"]} | set(facts["textures"])
