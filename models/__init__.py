@@ -1,0 +1,1 @@
+"""The Python that makes the models: rendered scenes, training, rivals."""
