@@ -1,6 +1,5 @@
 """The losses of Qiu et al. 2020: means over the pixels that show a surface."""
 
-import torch
 from torch.nn import functional
 
 
@@ -8,8 +7,9 @@ def mean(values, known):
     return (values * known).sum() / (known.expand_as(values).sum()).clamp(min=1)
 
 
-def cross_entropy(probability, truth, known):
-    return mean(functional.binary_cross_entropy(probability.clamp(1e-6, 1 - 1e-6), truth, reduction="none"), known)
+def cross_entropy(logits, truth, known):
+    """Of a map in (0, 1) that is given before its sigmoid, which keeps its slope where the map is all but 0 or 1."""
+    return mean(functional.binary_cross_entropy_with_logits(logits, truth, reduction="none"), known)
 
 
 def with_gradients(picture, truth, known):

@@ -71,11 +71,11 @@ class SamePad(nn.Module):
 
 
 class DecomposeNet(nn.Module):
-    """Flash photograph and depth, 4 channels, to (albedo, normal, roughness); `depth=False` is the variant without."""
+    """Flash photograph and depth, 4 channels, to (albedo, normal, roughness); 5 channels with a mask, 3 without depth."""
 
-    def __init__(self, depth=True):
+    def __init__(self, channels=4):
         super().__init__()
-        encoder, decoder = [4 if depth else 3, 32, 64, 128, 256, 512], [256, 128, 128, 64, 64]
+        encoder, decoder = [channels, 32, 64, 128, 256, 512], [256, 128, 128, 64, 64]
         self.encoder = Encoder(encoder)
         self.decoders = nn.ModuleList(Decoder(encoder, decoder) for _ in range(3))
         self.albedo = nn.Conv2d(64, 3, 5, padding=2, bias=False)
@@ -83,11 +83,19 @@ class DecomposeNet(nn.Module):
         self.roughness = nn.Conv2d(64, 1, 5, padding=2)
         he_initialised(self)
 
-    def forward(self, picture):
+    def raw(self, picture):
+        """Albedo, normal of any length, roughness before the sigmoid: what the losses want."""
         features = self.encoder(picture)
         albedo, normal, roughness = (decoder(features) for decoder in self.decoders)
-        normal = functional.normalize(self.normal(normal), dim=1)
-        return self.albedo(albedo), normal, torch.sigmoid(self.roughness(roughness))
+        return self.albedo(albedo), self.normal(normal), self.roughness(roughness)
+
+    @staticmethod
+    def finished(raw):
+        albedo, normal, roughness = raw
+        return albedo, functional.normalize(normal, dim=1), torch.sigmoid(roughness)
+
+    def forward(self, picture):
+        return self.finished(self.raw(picture))
 
 
 class ShadowNet(nn.Module):
@@ -100,27 +108,39 @@ class ShadowNet(nn.Module):
         self.head = nn.Sequential(SamePad(), nn.Conv2d(32, 1, 6))
         he_initialised(self)
 
-    def logits(self, points):
-        """Before the sigmoid: what a loss in logarithms wants."""
-        return self.head(self.decoder(self.encoder(points)))
+    def raw(self, points):
+        """Before the sigmoid: what the loss wants."""
+        return (self.head(self.decoder(self.encoder(points))),)
+
+    @staticmethod
+    def finished(raw):
+        return (torch.sigmoid(raw[0]),)
 
     def forward(self, points):
-        return torch.sigmoid(self.logits(points))
+        return self.finished(self.raw(points))[0]
 
 
 class SynthesisNet(nn.Module):
     """17 channels (shadow 1, one-bounce render 3, flash 3, albedo 3, normal 3, roughness 1, points 3) to the relit
-    picture, 3 channels."""
+    picture, 3 channels. The OSS stand-in is the same network with 33 channels: five lit pictures, their lights, the light."""
 
-    def __init__(self):
+    def __init__(self, channels=17):
         super().__init__()
-        encoder, decoder = [17, 64, 128, 128, 256, 256], [512, 256, 128, 64, 32]
+        encoder, decoder = [channels, 64, 128, 128, 256, 256], [512, 256, 128, 64, 32]
         self.encoder, self.decoder = Encoder(encoder), Decoder(encoder, decoder)
         self.head = nn.Conv2d(32, 3, 5, padding=2, bias=False)
         he_initialised(self)
 
+    def raw(self, channels):
+        """The relit picture: this network has nothing to finish."""
+        return (self.head(self.decoder(self.encoder(channels))),)
+
+    @staticmethod
+    def finished(raw):
+        return raw
+
     def forward(self, channels):
-        return self.head(self.decoder(self.encoder(channels)))
+        return self.raw(channels)[0]
 
 
 def parameters(network):

@@ -5,10 +5,10 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from .feeding import noisy, normalised  # noqa: E402
 from .frames import basis, points, seen_from  # noqa: E402
 from .losses import cross_entropy, squared, with_gradients  # noqa: E402
 from .networks import DecomposeNet, ShadowNet, SynthesisNet, parameters  # noqa: E402
-from .scenes import noisy, normalised  # noqa: E402
 from .shading import rendered  # noqa: E402
 
 

@@ -1,204 +1,209 @@
-"""`python3 -m models.reference.train shadow|decompose|synthesis TRAIN VAL --out RUN`: trains one of the three networks.
+"""`python3 -m models.reference.train shadow|decompose|synthesis --train ROOT… --val ROOT… --out RUN`: trains a network.
 
-TRAIN and VAL are what `pack` wrote. RUN receives `NETWORK.pt`, the latest state, from which an interrupted run goes on;
-`NETWORK.csv`, one line per look at VAL; and `NETWORK.png`, the learning curve. `synthesis` needs RUN/shadow.pt and
-RUN/decompose.pt, which stay as they are. Schedule as published: batch 4, Adam, 5e-4, a tenth every two of five epochs.
+The roots hold rendered shards. RUN receives `NETWORK-VARIANT.pt`, from which an interrupted run goes on, `.csv`, a line per
+look at the validation scenes, and `.png`, the learning curve. `synthesis` needs the other two networks' weights, which stay as
+they are: from RUN, or from --shadow and --decompose. README.md has the schedules, the published one among them.
 """
 
 import argparse
-import csv
 import os
+import signal
 import time
 from pathlib import Path
 
-import numpy as np
-import torch
+# Two threads that wait by spinning take the time of those that work; read when torch is loaded.
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
-from .frames import seen_from
-from .losses import cross_entropy, squared, with_gradients
-from .networks import DecomposeNet, ShadowNet, SynthesisNet, parameters
-from .scenes import Scenes
-from .shading import rendered
+import numpy as np  # noqa: E402
+import torch  # noqa: E402
 
-PUBLISHED = {"shadow": 5.92, "decompose": 14.70, "synthesis": 8.37}
-"""Million parameters that the paper's tables give."""
+from . import checkpoint, curves, loading  # noqa: E402
+from .losses import squared  # noqa: E402
+from .networks import parameters  # noqa: E402
+from .phases import Course, Phase, batches  # noqa: E402
+from .scenes import Scenes  # noqa: E402
+from .stages import PUBLISHED, VARIANTS, Synthesis, stage  # noqa: E402
 
-VALIDATION_BATCHES = 40
+DEFAULT = ("64:16:200000", "128:4:60000", "256:2:4000")
+"""Phases where none are given."""
+
+fractions = lambda text: [float(value) for value in text.split(",") if value]
 
 arguments = argparse.ArgumentParser(prog="models.reference.train", description=__doc__.split("\n")[0])
-arguments.add_argument("network", choices=PUBLISHED)
-arguments.add_argument("train", type=Path)
-arguments.add_argument("val", type=Path)
+arguments.add_argument("network", choices=VARIANTS)
+arguments.add_argument("--variant", default="clean", help="clean, noisy, env, sips (decompose) or oss (synthesis)")
+arguments.add_argument("--train", type=Path, nargs="+", required=True, help="folders of training shards, of any sizes")
+arguments.add_argument("--val", type=Path, nargs="+", required=True, help="folders of validation shards")
 arguments.add_argument("--out", type=Path, required=True)
-arguments.add_argument("--noisy", action="store_true", help="with the paper's depth noise")
-arguments.add_argument("--epochs", type=int, default=5)
-arguments.add_argument("--batch", type=int, default=4)
-arguments.add_argument("--seed", type=int, default=1)
-arguments.add_argument("--look-every", type=int, default=250, help="steps between looks at VAL, each of which saves")
+arguments.add_argument("--phase", type=Phase.read, action="append", help="SIZE:BATCH:SAMPLES or SIZE:BATCH:MINUTESm; repeat it")
+arguments.add_argument("--rate", type=float, default=5e-4, help="learning rate at first")
+arguments.add_argument("--drops", type=fractions, default=[0.7, 0.9], help="fractions of the course from which it is a tenth")
+arguments.add_argument("--bfloat16", action="store_true", help="convolutions in bfloat16; weights and losses stay float")
+arguments.add_argument("--crops", type=float, default=0.25, help="share of larger pictures that are cut, not only reduced")
+arguments.add_argument("--no-mirror", action="store_true", help="do not mirror half of the samples left to right")
+arguments.add_argument("--warm", type=Path, help="start from the weights of a .pt or .onnx file")
+arguments.add_argument("--shadow", type=Path, help="synthesis: ShadowNet's weights, .pt or .onnx")
+arguments.add_argument("--decompose", type=Path, help="synthesis: DecomposeNet's weights, .pt or .onnx")
 arguments.add_argument("--minutes", type=float, default=float("inf"), help="stop, saved, after so long")
+arguments.add_argument("--look-minutes", type=float, default=4, help="between looks at the validation scenes, each of which saves")
+arguments.add_argument("--look-scenes", type=int, default=40)
+arguments.add_argument("--look-size", type=int, default=128)
+arguments.add_argument("--threads", type=int, default=os.cpu_count())
+arguments.add_argument("--seed", type=int, default=1)
 
 
-class Shadow:
-    """Points seen from the light to a shadow map."""
+class Run:
+    """A network on its way: everything that a checkpoint holds."""
 
-    def __init__(self, device, _folder):
-        self.network = ShadowNet().to(device)
+    def __init__(self, asked):
+        self.asked = asked
+        self.device = "cuda" if torch.cuda.is_available() else "cpu"
+        self.stage = stage(asked.network, asked.variant)
+        if isinstance(self.stage, Synthesis):
+            for before in self.stage.before:
+                given = getattr(asked, before.network_name) or checkpoint.path(asked.out, before.network_name, asked.variant)
+                checkpoint.warmed(before.network, given).to(self.device)
+        if asked.warm:
+            checkpoint.warmed(self.stage.network, asked.warm)
+        self.stage.network.to(self.device)
+        self.course = Course(asked.phase or [Phase.read(p) for p in DEFAULT], asked.rate, asked.drops)
+        self.optimizer = torch.optim.Adam(self.stage.network.parameters(), lr=asked.rate, fused=True)
+        self.average = checkpoint.Average(self.stage.network)
+        self.number, self.samples, self.seconds = 0, 0, 0.0
+        """The place in the course."""
+        self.all_samples, self.all_seconds = 0, 0.0
+        self.file = checkpoint.path(asked.out, asked.network, asked.variant)
 
-    def answer(self, found):
-        return {"shadow": self.network(seen_from(found["light"], found["cloud"]))}
+    def resume(self):
+        kept = torch.load(self.file, map_location=self.device, weights_only=True)
+        self.stage.network.load_state_dict(kept["network"])
+        self.optimizer.load_state_dict(kept["optimizer"])
+        self.average.weights, self.average.steps = kept["average"], kept["steps"]
+        self.number, self.samples, self.seconds = kept["place"]
+        self.all_samples, self.all_seconds = kept["samples"], kept["seconds"]
+        print(f"going on after {self.all_samples} samples, {self.all_seconds / 60:.1f} minutes")
 
-    def loss(self, answer, found):
-        return cross_entropy(answer["shadow"], found["shadow"], found["known"])
+    def save(self, shards):
+        kept = {"network": self.stage.network.state_dict(), "average": self.average.weights, "steps": self.average.steps}
+        kept |= {"optimizer": self.optimizer.state_dict(), "place": (self.number, self.samples, self.seconds)}
+        kept |= {"samples": self.all_samples, "seconds": self.all_seconds}
+        kept |= {"shards": shards, "command": command(self.asked), "seed": self.asked.seed}
+        checkpoint.saved(self.file, kept)
 
+    def learn(self, found):
+        """One step of the optimizer; returns the loss."""
+        place = self.number, self.samples, self.seconds
+        self.optimizer.param_groups[0]["lr"] = self.course.rate_at(self.course.progress(*place))
+        with torch.autocast(self.device, torch.bfloat16, enabled=self.asked.bfloat16):
+            raw = self.stage.raw(found)
+        loss = self.stage.loss(raw, found)
+        self.optimizer.zero_grad()
+        loss.backward()
+        self.optimizer.step()
+        self.average.follow(self.stage.network)
+        return loss.item()
 
-class Decompose:
-    """Flash photograph and depth to albedo, normal and roughness."""
+    def finished(self):
+        return self.number == len(self.course.phases)
 
-    def __init__(self, device, _folder):
-        self.network = DecomposeNet().to(device)
-
-    def answer(self, found):
-        answers = self.network(torch.cat([found["flash"], found["near"]], 1))
-        return dict(zip(("albedo", "normal", "roughness"), answers, strict=True))
-
-    def loss(self, answer, found):
-        known = found["known"]
-        values = sum(with_gradients(answer[name], found[name], known) for name in ("albedo", "normal"))
-        return values + cross_entropy(answer["roughness"], found["roughness"].clamp(0, 1), known)
-
-
-class Synthesis:
-    """All of it to the relit picture; the other two networks stay as they are."""
-
-    def __init__(self, device, folder):
-        self.network = SynthesisNet().to(device)
-        self.before = [Shadow(device, folder), Decompose(device, folder)]
-        for stage, name in zip(self.before, ("shadow", "decompose"), strict=True):
-            path = folder / f"{name}.pt"
-            if not path.exists():
-                raise SystemExit(f"{path}: not there; train {name} into the same folder first")
-            stage.network.load_state_dict(torch.load(path, map_location=device, weights_only=True)["network"])
-            stage.network.requires_grad_(False).eval()
-
-    def answer(self, found):
-        with torch.no_grad():
-            shadow, scene = (stage.answer(found) for stage in self.before)
-            parts = [scene[name] for name in ("albedo", "normal", "roughness")]
-            render = rendered(*parts, found["light"], found["camera"])
-            cloud = seen_from(found["light"], found["cloud"])
-            channels = torch.cat([shadow["shadow"], render, found["flash"], *parts, cloud], 1)
-        return {"relit": self.network(channels)}
-
-    def loss(self, answer, found):
-        return with_gradients(answer["relit"], found["relit"], found["known"])
-
-
-STAGES = {"shadow": Shadow, "decompose": Decompose, "synthesis": Synthesis}
-
-
-def pairs(scenes, seed, epoch):
-    """Every scene under every light, in an order of its own for each epoch."""
-    order = np.random.default_rng([seed, epoch]).permutation(scenes.count * scenes.lights)
-    return np.stack([order // scenes.lights, order % scenes.lights], 1)
+    def phase_finished(self):
+        return self.course.done(self.number, self.samples, self.seconds) >= 1
 
 
-def looked_at(stage, scenes, batch, device):
-    """Mean squared error of each output on the first scenes and a light of each."""
-    errors = {}
+def command(asked):
+    """The invocation with folders by their own names alone: it is published with the weights."""
+    kept = ["python3 -m models.reference.train", asked.network]
+    for name, value in vars(asked).items():
+        if name in ("network", "phase", "threads") or value in (None, False, arguments.get_default(name)):
+            continue
+        values = value if isinstance(value, list) else [value]
+        text = "," if name == "drops" else " "
+        shown = "" if value is True else " " + text.join(v.name if isinstance(v, Path) else f"{v:g}" if isinstance(v, float) else str(v) for v in values)
+        kept.append(f"--{name.replace('_', '-')}{shown}")
+    for phase in asked.phase or []:
+        kept.append(f"--phase {phase.size}:{phase.batch}:{phase.share:g}{'m' if phase.timed else ''}")
+    return " ".join(kept)
+
+
+def looked_at(run, scenes):
+    """Mean squared error of each output, of the averaged weights, on the first scenes and a light of each."""
+    asked, errors = run.asked, {}
+    viewed = stage(asked.network, asked.variant)
+    viewed.network.load_state_dict(run.average.weights)
+    viewed.network.to(run.device).eval()
+    if isinstance(viewed, Synthesis):
+        viewed.before = run.stage.before
+    rows = scenes.samples(asked.look_size, viewed.lights, asked.look_scenes)
+    _, first, count = np.unique(rows[:, :2], axis=0, return_index=True, return_counts=True)
+    rows = rows[first + np.arange(len(first)) % count]
     rng = np.random.default_rng(0)
-    stage.network.eval()
     with torch.no_grad():
-        for start in range(0, min(scenes.count, VALIDATION_BATCHES * batch), batch):
-            indices = np.arange(start, min(start + batch, scenes.count))
-            found = {name: value.to(device) for name, value in scenes.batch(indices, indices % scenes.lights, rng).items()}
-            for name, answer in stage.answer(found).items():
+        for start in range(0, len(rows), 4):
+            found = on(run.device, scenes.batch(rows[start : start + 4], asked.look_size, rng))
+            for name, answer in viewed.answer(found).items():
                 errors.setdefault(name, []).append(squared(answer, found[name], found["known"]))
-    stage.network.train()
     return {name: float(np.mean(values)) for name, values in errors.items()}
 
 
-def drawn(table, path):
-    """The learning curve of a table of looks."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
-    with open(table) as file:
-        looks = list(csv.DictReader(file))
-    figure, axes = pyplot.subplots(figsize=(7, 4))
-    for name in looks[0]:
-        if name not in ("step", "samples", "seconds"):
-            axes.plot([int(look["samples"]) for look in looks], [float(look[name]) for look in looks], label=name)
-    axes.set(xlabel="training samples seen", yscale="log", title=f"{table.stem}: on the validation scenes")
-    axes.legend()
-    figure.savefig(path, dpi=120, bbox_inches="tight")
-    pyplot.close(figure)
+def on(device, found):
+    return {name: value.to(device) for name, value in found.items()}
 
 
 def main():
     asked = arguments.parse_args()
     torch.manual_seed(asked.seed)
-    device = "cuda" if torch.cuda.is_available() else "cpu"
-    train, val = Scenes(asked.train, asked.noisy), Scenes(asked.val, asked.noisy)
+    torch.set_num_threads(asked.threads)
     asked.out.mkdir(parents=True, exist_ok=True)
-    stage = STAGES[asked.network](device, asked.out)
-    millions = parameters(stage.network) / 1e6
-    print(f"{asked.network}: {millions:.2f} M parameters (paper's tables: {PUBLISHED[asked.network]:.2f} M), {device}")
-    optimizer = torch.optim.Adam(stage.network.parameters(), lr=5e-4)
-    schedule = torch.optim.lr_scheduler.StepLR(optimizer, step_size=2, gamma=0.1)
-    state, table = asked.out / f"{asked.network}.pt", asked.out / f"{asked.network}.csv"
-    step, spent = 0, 0.0
-    if state.exists():
-        saved = torch.load(state, map_location=device, weights_only=True)
-        stage.network.load_state_dict(saved["network"])
-        optimizer.load_state_dict(saved["optimizer"])
-        schedule.load_state_dict(saved["schedule"])
-        step, spent = saved["step"], saved["seconds"]
-        print(f"going on from step {step}")
-    per_epoch = train.count * train.lights // asked.batch
-    began, losses = time.monotonic() - spent, []
+    run = Run(asked)
+    if run.file.exists():
+        run.resume()
+    noisy, five = asked.variant == "noisy", asked.variant == "oss"
+    train = Scenes(asked.train, run.stage.needs, noisy, five, asked.crops, not asked.no_mirror)
+    val = Scenes(asked.val, run.stage.needs, noisy, five)
+    shards = [f"{shard.folder.parent.name}/{shard.folder.name}" for shard in train.shards]
+    millions, scenes = parameters(run.stage.network) / 1e6, sum(shard.count for shard in train.shards)
+    print(f"{asked.network} {asked.variant}: {millions:.2f} M parameters (the paper's tables: {PUBLISHED[asked.network]:.2f} M)")
+    print(f"{scenes} training scenes in {len(shards)} shards; {run.device}, {asked.threads} threads", flush=True)
 
-    def save():
-        errors = looked_at(stage, val, asked.batch, device)
-        look = {"step": step, "samples": step * asked.batch, "seconds": round(time.monotonic() - began)}
-        look |= {"loss": float(np.mean(losses)) if losses else float("nan"), **errors}
-        new = not table.exists()
-        with open(table, "a", newline="") as file:
-            writer = csv.DictWriter(file, look)
-            if new:
-                writer.writeheader()
-            writer.writerow(look)
-        kept = {"network": stage.network.state_dict(), "optimizer": optimizer.state_dict()}
-        kept |= {"schedule": schedule.state_dict(), "step": step, "seconds": time.monotonic() - began}
-        torch.save(kept, state.with_suffix(".building"))
-        os.replace(state.with_suffix(".building"), state)
-        drawn(table, state.with_suffix(".png"))
-        shown = " ".join(f"{name} {value:.4f}" for name, value in look.items() if name not in ("step", "samples", "seconds"))
-        print(f"epoch {step / per_epoch:.2f}/{asked.epochs} {look['seconds']} s: {shown}", flush=True)
+    stopped = []
+    for name in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(name, lambda *_: stopped.append(True))
+    stop, looked = time.monotonic() + 60 * asked.minutes, time.monotonic()
+    table, losses = run.file.with_suffix(".csv"), []
+
+    def look(phase, waiting):
+        errors = looked_at(run, val)
+        line = {"phase": run.number, "size": phase.size, "samples": run.all_samples, "seconds": round(run.all_seconds)}
+        line |= {"rate": f"{run.optimizer.param_groups[0]['lr']:.1e}", "waiting": round(waiting, 3)}
+        line |= {"loss": round(float(np.mean(losses)), 5), **{name: round(error, 6) for name, error in errors.items()}}
         losses.clear()
+        curves.written(table, line)
+        curves.drawn(table, table.with_suffix(".png"), f"{asked.network} {asked.variant}, validation at {asked.look_size}²")
+        run.save(shards)
+        print(" ".join(f"{name} {value}" for name, value in line.items()), flush=True)
 
-    stop = time.monotonic() + 60 * asked.minutes
-    epoch, order = None, None
-    while step < asked.epochs * per_epoch:
-        if step // per_epoch != epoch:
-            epoch = step // per_epoch
-            order = pairs(train, asked.seed, epoch)
-        chosen = order[step % per_epoch * asked.batch :][: asked.batch]
-        rng = np.random.default_rng([asked.seed, step])
-        found = {name: value.to(device) for name, value in train.batch(*chosen.T, rng).items()}
-        loss = stage.loss(stage.answer(found), found)
-        optimizer.zero_grad()
-        loss.backward()
-        optimizer.step()
-        losses.append(loss.item())
-        step += 1
-        if step % per_epoch == 0:
-            schedule.step()
-        if step % asked.look_every == 0 or step == asked.epochs * per_epoch or time.monotonic() > stop:
-            save()
-        if time.monotonic() > stop:
-            return
+    while not run.finished():
+        phase = run.course.phases[run.number]
+        source = batches(train, run.stage, phase, run.number, asked.seed, run.samples)
+        with loading.Prefetched(source) as ready:
+            trained = 0.0
+            while not run.phase_finished():
+                began = time.monotonic()
+                losses.append(run.learn(on(run.device, ready.next())))
+                run.samples += phase.batch
+                run.all_samples += phase.batch
+                trained += time.monotonic() - began
+                ended = run.phase_finished() or stopped or time.monotonic() > stop
+                if ended or time.monotonic() > looked + 60 * asked.look_minutes:
+                    look(phase, ready.waited / trained)
+                    looked = time.monotonic()
+                run.seconds += time.monotonic() - began
+                run.all_seconds += time.monotonic() - began
+                if stopped or time.monotonic() > stop:
+                    return print("stopped, saved; the same command goes on")
+        run.number, run.samples, run.seconds = run.number + 1, 0, 0.0
+        run.save(shards)
+    print("the course is finished")
 
 
 if __name__ == "__main__":

@@ -1,0 +1,57 @@
+"""What a run keeps: weights, their running average, the optimizer's state and the place in the course."""
+
+import os
+
+import torch
+
+DECAY = 0.999
+"""Of the running average per step, less in the first steps; looks, evaluation and export use the average."""
+
+
+class Average:
+    """The exponential moving average of a network's weights."""
+
+    def __init__(self, network):
+        self.weights = {name: value.detach().clone() for name, value in network.state_dict().items()}
+        self.steps = 0
+
+    def follow(self, network):
+        self.steps += 1
+        decay = min(DECAY, (1 + self.steps) / (10 + self.steps))
+        pairs = [(self.weights[name], value) for name, value in network.state_dict().items()]
+        torch._foreach_lerp_(*map(list, zip(*pairs)), 1 - decay)
+
+
+def path(folder, network, variant):
+    return folder / f"{network}-{variant}.pt"
+
+
+def saved(file, kept):
+    """The file holds the old state or the new one, never a part."""
+    building = file.with_suffix(".building")
+    torch.save(kept, building)
+    os.replace(building, file)
+
+
+def weights(file):
+    """The weights by name of a checkpoint (its average) or of an exported model; SystemExit where there are none."""
+    if not file.exists():
+        raise SystemExit(f"{file}: not there; train it first, or name where it is")
+    if file.suffix == ".onnx":
+        import onnx
+
+        initializers = onnx.load(file, load_external_data=False).graph.initializer
+        return {t.name.removesuffix(".half"): torch.from_numpy(onnx.numpy_helper.to_array(t).copy()).float() for t in initializers}
+    return torch.load(file, map_location="cpu", weights_only=True)["average"]
+
+
+def warmed(network, file):
+    """The network with the file's weights; SystemExit where they are another network's."""
+    found = weights(file)
+    found = {name.removeprefix("network."): value for name, value in found.items()}
+    own = network.state_dict()
+    wrong = [name for name in own if name not in found or found[name].shape != own[name].shape]
+    if wrong:
+        raise SystemExit(f"{file}: {wrong[0]} is missing or of another shape; these are another network's weights")
+    network.load_state_dict({name: found[name] for name in own})
+    return network
