@@ -142,9 +142,8 @@ def specular(n, v, l, rough):
     return d * g * f / 4
 
 
-def bounced(h, sampler):
-    """A direction drawn from half diffuse, half specular lobe: direction and reflectance / density."""
-    glossy = 0.15 + 0.35 * (1 - h.rough)
+def drawn(h, sampler):
+    """A direction drawn from half diffuse, half specular lobe, with the `density` below; may point below the surface."""
     pick, u, w = sampler.next_1d(), sampler.next_1d(), sampler.next_1d()
     frame = mi.Frame3f(h.ns)
     a2 = dr.square(dr.square(h.rough))
@@ -154,13 +153,29 @@ def bounced(h, sampler):
     mirrored = 2 * dr.dot(h.v, half) * half - h.v
     r = dr.sqrt(u)
     matte = frame.to_world(Vec3(r * dr.cos(dr.two_pi * w), r * dr.sin(dr.two_pi * w), dr.safe_sqrt(1 - u)))
-    l = dr.select(pick < glossy, mirrored, matte)
+    return dr.select(pick < _glossy(h), mirrored, matte)
+
+
+def density(h, l):
+    """Of `drawn`, per steradian; right where l is above the surface."""
     half = dr.normalize(h.v + l)
     nl, nh, vh = dr.dot(h.ns, l), dr.maximum(dr.dot(h.ns, half), 0), dr.maximum(dr.dot(h.v, half), 1e-4)
+    a2 = dr.square(dr.square(h.rough))
     d = a2 / (dr.pi * dr.square(dr.square(nh) * (a2 - 1) + 1))
-    density = glossy * d * nh / (4 * vh) + (1 - glossy) * dr.maximum(nl, 0) / dr.pi
-    weight = shaded(h.ns, h.v, l, h.albedo, h.rough) / dr.pi / dr.maximum(density, 1e-8)
-    ok = h.valid & (nl > 0) & (dr.dot(h.ng, l) > 0)
+    glossy = _glossy(h)
+    return glossy * d * nh / (4 * vh) + (1 - glossy) * dr.maximum(nl, 0) / dr.pi
+
+
+def _glossy(h):
+    """Share of directions drawn from the specular lobe."""
+    return 0.15 + 0.35 * (1 - h.rough)
+
+
+def bounced(h, sampler):
+    """A direction of `drawn` and its reflectance / density, cut at 4."""
+    l = drawn(h, sampler)
+    weight = shaded(h.ns, h.v, l, h.albedo, h.rough) / dr.pi / dr.maximum(density(h, l), 1e-8)
+    ok = h.valid & (dr.dot(h.ns, l) > 0) & (dr.dot(h.ng, l) > 0)
     return l, dr.select(ok, dr.minimum(weight, 4), 0), ok
 
 
