@@ -45,11 +45,22 @@ def weights(file):
     return torch.load(file, map_location="cpu", weights_only=True)["average"]
 
 
-def warmed(network, file):
-    """The network with the file's weights; SystemExit where they are another network's."""
+FIRST = "encoder.layers.0.weight"
+"""The only weights whose shape depends on what a variant is given."""
+
+
+def warmed(network, file, other_inputs=False):
+    """The network with the file's weights; SystemExit where they are another network's.
+
+    With `other_inputs` the file's variant may be given fewer or more pictures: all variants have them in the same order, so
+    what they share is taken over and what is new starts at zero."""
     found = weights(file)
     found = {name.removeprefix("network."): value for name, value in found.items()}
     own = network.state_dict()
+    if other_inputs and FIRST in found and FIRST in own:
+        shared, wider = min(found[FIRST].shape[1], own[FIRST].shape[1]), torch.zeros_like(own[FIRST])
+        wider[:, :shared] = found[FIRST][:, :shared]
+        found[FIRST] = wider
     wrong = [name for name in own if name not in found or found[name].shape != own[name].shape]
     if wrong:
         raise SystemExit(f"{file}: {wrong[0]} is missing or of another shape; these are another network's weights")

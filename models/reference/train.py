@@ -64,7 +64,7 @@ class Run:
                 given = getattr(asked, before.network_name) or checkpoint.path(asked.out, before.network_name, asked.variant)
                 checkpoint.warmed(before.network, given).to(self.device)
         if asked.warm:
-            checkpoint.warmed(self.stage.network, asked.warm)
+            checkpoint.warmed(self.stage.network, asked.warm, other_inputs=True)
         self.stage.network.to(self.device)
         self.course = Course(asked.phase or [Phase.read(p) for p in DEFAULT], asked.rate, asked.drops)
         self.optimizer = torch.optim.Adam(self.stage.network.parameters(), lr=asked.rate, fused=True)

@@ -1,6 +1,7 @@
 """Closed shapes and thin structures, each a pure function of one integer.
 
-A shape is (vertices (N, 3), faces (M, 3)) in its own frame: centred on the origin, longest side 1, z up.
+A shape is (vertices (N, 3), faces (M, 3)) in its own frame: centred on the origin, longest side 1, z up. Faces that meet smoothly wind
+alike; which way is open, since the tracer turns every normal to the viewer.
 """
 
 import numpy as np
@@ -136,9 +137,7 @@ def sheet(rng):
     rim = np.stack([edge[:-1], edge[1:], edge[1:] + n * n, edge[:-1] + n * n], 1)
     quads = np.vstack([quad[:, ::-1], quad + n * n, rim])
     faces = np.vstack([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
-    mesh = trimesh.Trimesh(np.vstack(sides), faces, process=False)
-    trimesh.repair.fix_normals(mesh)
-    return mesh
+    return trimesh.Trimesh(np.vstack(sides), faces, process=False)
 
 
 def hoop(rng):
@@ -165,9 +164,7 @@ def _part(rng):
 
 
 def _lathe(profile):
-    mesh = trimesh.creation.revolve(profile, sections=96)
-    trimesh.repair.fix_normals(mesh)
-    return mesh
+    return trimesh.creation.revolve(profile, sections=96)
 
 
 FAMILIES = [
