@@ -3,8 +3,8 @@
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from mitsuba_oidn import denoise
 
+from ..render.environment import denoised
 from ..render.tracer import direct, indirect
 
 
@@ -21,5 +21,5 @@ def traced(tracer, camera, lamps, asked):
     shares = [camera.image(dr.select(tracer.visible(h, lamp), mi.Float(1), 0), side) / part for lamp in lamps]
     lit, (albedo, normal) = direct(tracer, camera, lamps, side, rng)
     more, _ = indirect(tracer, camera, lamps, asked.indirect_side, asked.bounces, rng)
-    pictures = [(a + np.maximum(denoise(b, albedo, normal, hdr=True), 0)) / part for a, b in zip(lit, more)]
+    pictures = [(a + denoised(b, albedo, normal)) / part for a, b in zip(lit, more)]
     return [np.where(known, picture, np.nan) for picture in pictures], [(~known | (share > 0.5))[..., 0] for share in shares]

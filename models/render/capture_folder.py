@@ -10,7 +10,6 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 import OpenEXR
-from mitsuba_oidn import denoise
 
 from . import environment
 from .environment_maps import procedural, write_map
@@ -46,7 +45,7 @@ def rendered(scene, size, direct_side=3, indirect_side=2, bounces=3, with_ambien
     if bounces:
         more, sky = indirect(tracer, camera, shining, indirect_side, bounces, rng, scene.ambient if with_ambient else None)
         # only the smooth indirect part is denoised: shadow edges and highlights stay as traced
-        clean = lambda image: np.maximum(denoise(image, albedo, normal, hdr=True), 0)
+        clean = lambda image: environment.denoised(image, albedo, normal)
         covered = albedo.max(-1, keepdims=True) > 0
         lit = [a + clean(b) * covered for a, b in zip(lit, more)]
         sky = clean(sky) * covered if with_ambient else None
@@ -55,7 +54,8 @@ def rendered(scene, size, direct_side=3, indirect_side=2, bounces=3, with_ambien
     if with_ambient:
         channels["ambient"] = sum(lit[at + 1 :]) + (sky if sky is not None else 0)
     facts = scene.facts
-    maps = [procedural(1000 * facts["index"] + 100 * k + facts["seed"]) for k in range(environments)]
+    numbers = [1000 * facts["index"] + 100 * k + facts["seed"] for k in range(environments)]
+    maps = [procedural(number, scene.ambient["up"]) for number in numbers]
     under = lambda pixels: environment.lit(tracer, camera, environment.Environment(pixels), direct_side, bounces, rng)
     channels["environments"] = [(pixels, under(pixels)) for pixels in maps]
     channels["focal"], channels["centre"] = float(camera.f), float(camera.c)
