@@ -41,7 +41,8 @@ def weights(file):
         import onnx
 
         initializers = onnx.load(file, load_external_data=False).graph.initializer
-        return {t.name.removesuffix(".half"): torch.from_numpy(onnx.numpy_helper.to_array(t).copy()).float() for t in initializers}
+        tensor = lambda stored: torch.from_numpy(onnx.numpy_helper.to_array(stored).copy()).float()
+        return {stored.name.removesuffix(".half"): tensor(stored) for stored in initializers}
     return torch.load(file, map_location="cpu", weights_only=True)["average"]
 
 
@@ -52,10 +53,9 @@ FIRST = "encoder.layers.0.weight"
 def warmed(network, file, other_inputs=False):
     """The network with the file's weights; SystemExit where they are another network's.
 
-    With `other_inputs` the file's variant may be given fewer or more pictures: all variants have them in the same order, so
-    what they share is taken over and what is new starts at zero."""
+    With `other_inputs` the file's variant may be given fewer or more pictures: DecomposeNet's variants have them in the same
+    order, so what they share is taken over and what is new starts at zero."""
     found = weights(file)
-    found = {name.removeprefix("network."): value for name, value in found.items()}
     own = network.state_dict()
     if other_inputs and FIRST in found and FIRST in own:
         shared, wider = min(found[FIRST].shape[1], own[FIRST].shape[1]), torch.zeros_like(own[FIRST])

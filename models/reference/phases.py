@@ -53,7 +53,8 @@ def batches(scenes, stage, phase, number, seed, samples):
     in an order of its own, then anew. A pure function of its arguments and the data."""
     everything = scenes.samples(phase.size, stage.lights)
     if len(everything) < phase.batch:
-        raise SystemExit(f"{len(everything)} samples of {phase.size} pixels make no batch of {phase.batch}; render more or lower it")
+        found = f"{len(everything)} samples of {phase.size} pixels make no batch of {phase.batch}"
+        raise SystemExit(f"{found}; render more, or lower --phase's batch")
     per_round = len(everything) // phase.batch
     step, order, current = samples // phase.batch, None, None
     while True:

@@ -28,7 +28,8 @@ class Shard:
         self.folder = folder
         for name in needs:
             if not (folder / f"{name}.npy").exists():
-                raise SystemExit(f"{folder}/{name}.npy: not there; render the shard again with `python3 -m models.render --as shards`")
+                remedy = "render the shard again with `python3 -m models.render --as shards`"
+                raise SystemExit(f"{folder}/{name}.npy: not there; {remedy}")
         self.channels = {name: np.load(folder / f"{name}.npy", mmap_mode=None if name in SMALL else "r") for name in needs}
         self.size = self.channels["depth"].shape[-1]
         self.count, self.lights = self.channels["light"].shape[:2]
@@ -62,7 +63,8 @@ class Scenes:
             folders = [folder for folder in folders if (folder / "relit.npy").exists()]
         if not folders:
             kind = " with relit pictures" if "relit" in self.needs else ""
-            raise SystemExit(f"{', '.join(map(str, roots))}: no shards{kind}; write some with `python3 -m models.render --as shards`")
+            where = ", ".join(map(str, roots))
+            raise SystemExit(f"{where}: no shards{kind}; write some with `python3 -m models.render --as shards`")
         self.shards = [Shard(folder, self.needs) for folder in folders]
 
     def samples(self, size, lights="each", at_most=None):

@@ -11,6 +11,7 @@ from .frames import basis  # noqa: E402
 from .phases import Course, Phase, batches  # noqa: E402
 from .scenes import FIVE, Scenes  # noqa: E402
 from .stages import VARIANTS, stage  # noqa: E402
+from .train import arguments, command, main  # noqa: E402
 
 EVERYTHING = ("flash", "ambient", "intensity", "albedo", "normal", "roughness", "shadow", "relit")
 
@@ -42,14 +43,9 @@ def written(root, count=2, size=64, lights=6, relit=True, seed=0):
     return folder
 
 
-def plane(size, distance, crop=(0, 0)):
-    """Depth of a frontal wall and the camera that sees it."""
-    return torch.full((1, 1, size, size), distance), torch.tensor([[size * 1.0, size, size / 2 - 0.5 - crop[0], size / 2 - 0.5 - crop[1]]])
-
-
 def test_a_white_wall_facing_the_flash_is_fed_as_one_whatever_its_distance_and_exposure():
     for distance, intensity in ((0.5, 0.2), (2.0, 3.0)):
-        depth, _ = plane(8, distance)
+        depth = torch.full((1, 1, 8, 8), distance)
         depth[..., 0] = torch.nan
         flash = torch.full((1, 3, 8, 8), intensity / distance**2)
         fed = feeding.scaled(flash, torch.tensor([intensity]), depth)
@@ -63,7 +59,7 @@ def test_nearness_is_one_at_the_nearest_and_zero_at_the_farthest_and_where_nothi
 
 
 def test_noise_on_depth_in_metres_is_the_papers_over_the_scenes_span():
-    depth = torch.rand(1, 1, 256, 256, generator=torch.Generator().manual_seed(1)) * 0 + 2.0
+    depth = torch.full((1, 1, 256, 256), 2.0)
     depth[..., 0, 0], depth[..., 0, 1] = 1.5, 3.5
     dirty = feeding.noisy_depth(depth, np.random.default_rng(2))[..., 8:, :]
     assert abs(float(dirty.std()) - 2.0 * 6.25e-2 * 0.2821) < 2e-3 and abs(float(dirty.mean()) - 2.0) < 2e-3
@@ -163,7 +159,6 @@ def test_a_round_shows_everything_once_and_a_resumed_one_goes_on_with_the_same_b
     written(tmp_path / "a", count=2, lights=6)
     one = stage("shadow", "clean")
     scenes, phase = Scenes([tmp_path / "a"], one.needs), Phase.read("32:4:100")
-    lights = []
     source = batches(scenes, one, phase, 0, 7, 0)
     seen = [next(source) for _ in range(5)]
     lights = torch.cat([found["light"] for found in seen[:3]])
@@ -186,3 +181,37 @@ def test_the_average_follows_and_weights_start_another_network(tmp_path):
     assert torch.equal(other.head[1].bias, average.weights["head.1.bias"])
     with pytest.raises(SystemExit, match="another network"):
         warmed(stage("synthesis", "clean").network, tmp_path / "shadow.pt")
+
+
+def test_a_variant_with_other_inputs_starts_from_what_it_shares(tmp_path):
+    torch.manual_seed(1)
+    clean = stage("decompose", "clean").network
+    torch.save({"average": clean.state_dict()}, tmp_path / "clean.pt")
+    env = warmed(stage("decompose", "env").network, tmp_path / "clean.pt", other_inputs=True)
+    picture = torch.rand(1, 5, 32, 32)
+    with torch.no_grad():
+        assert all(torch.allclose(a, b, atol=1e-5) for a, b in zip(env(picture), clean(picture[:, :4]), strict=True))
+
+
+def test_a_run_that_was_stopped_goes_on_to_the_same_weights_and_tells_its_command(tmp_path, monkeypatch):
+    written(tmp_path / "private" / "shards")
+    ran = {}
+    for name, stops in (("whole", 1), ("halves", 2)):
+        out = tmp_path / name
+        given = ["shadow", "--train", tmp_path / "private" / "shards", "--val", tmp_path / "private" / "shards", "--out", out]
+        given += ["--look-scenes", 1, "--look-size", 32, "--crops", 0, "--drops", "1,1", "--threads", 1]
+        for phases in ((["32:2:4"], ["32:2:4", "64:2:4"]) if stops == 2 else (["32:2:4", "64:2:4"],)):
+            options = [part for phase in phases for part in ("--phase", phase)]
+            argv = [str(part) for part in [*given, *options]]
+            monkeypatch.setattr("sys.argv", ["train", *argv])
+            main()
+        ran[name] = torch.load(out / "shadow-clean.pt", weights_only=True)
+        looks = (out / "shadow-clean.csv").read_text().splitlines()
+        assert len(looks) == 3 and (out / "shadow-clean.png").exists()
+    weights = [run["network"].values() for run in ran.values()]
+    assert all(torch.allclose(a, b, atol=1e-6) for a, b in zip(*weights, strict=True))
+    assert ran["halves"]["samples"] == ran["whole"]["samples"] == 8 and ran["whole"]["shards"] == ["shards/0000-0001"]
+    told = command(arguments.parse_args(argv))
+    assert told == ran["whole"]["command"].replace("--out whole", "--out halves")
+    assert told.endswith("--drops 1,1 --crops 0 --look-scenes 1 --look-size 32 --phase 32:2:4 --phase 64:2:4")
+    assert "private" not in told

@@ -17,12 +17,12 @@ os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 import numpy as np  # noqa: E402
 import torch  # noqa: E402
 
-from . import checkpoint, curves, loading  # noqa: E402
-from .losses import squared  # noqa: E402
+from . import curves, loading  # noqa: E402
 from .networks import parameters  # noqa: E402
-from .phases import Course, Phase, batches  # noqa: E402
+from .phases import Phase, batches  # noqa: E402
+from .run import Run, on  # noqa: E402
 from .scenes import Scenes  # noqa: E402
-from .stages import PUBLISHED, VARIANTS, Synthesis, stage  # noqa: E402
+from .stages import PUBLISHED, VARIANTS  # noqa: E402
 
 DEFAULT = ("64:16:200000", "128:4:60000", "256:2:4000")
 """Phases where none are given."""
@@ -32,10 +32,10 @@ fractions = lambda text: [float(value) for value in text.split(",") if value]
 arguments = argparse.ArgumentParser(prog="models.reference.train", description=__doc__.split("\n")[0])
 arguments.add_argument("network", choices=VARIANTS)
 arguments.add_argument("--variant", default="clean", help="clean, noisy, env, sips (decompose) or oss (synthesis)")
-arguments.add_argument("--train", type=Path, nargs="+", required=True, help="folders of training shards, of any sizes")
+arguments.add_argument("--train", type=Path, nargs="+", required=True, help="folders of training shards")
 arguments.add_argument("--val", type=Path, nargs="+", required=True, help="folders of validation shards")
 arguments.add_argument("--out", type=Path, required=True)
-arguments.add_argument("--phase", type=Phase.read, action="append", help="SIZE:BATCH:SAMPLES or SIZE:BATCH:MINUTESm; repeat it")
+arguments.add_argument("--phase", type=Phase.read, action="append", help="SIZE:BATCH:SAMPLES or SIZE:BATCH:MINUTESm")
 arguments.add_argument("--rate", type=float, default=5e-4, help="learning rate at first")
 arguments.add_argument("--drops", type=fractions, default=[0.7, 0.9], help="fractions of the course from which it is a tenth")
 arguments.add_argument("--bfloat16", action="store_true", help="convolutions in bfloat16; weights and losses stay float")
@@ -45,112 +45,31 @@ arguments.add_argument("--warm", type=Path, help="start from the weights of a .p
 arguments.add_argument("--shadow", type=Path, help="synthesis: ShadowNet's weights, .pt or .onnx")
 arguments.add_argument("--decompose", type=Path, help="synthesis: DecomposeNet's weights, .pt or .onnx")
 arguments.add_argument("--minutes", type=float, default=float("inf"), help="stop, saved, after so long")
-arguments.add_argument("--look-minutes", type=float, default=4, help="between looks at the validation scenes, each of which saves")
+arguments.add_argument("--look-minutes", type=float, default=4, help="between looks at the validation scenes, which save")
 arguments.add_argument("--look-scenes", type=int, default=40)
 arguments.add_argument("--look-size", type=int, default=128)
 arguments.add_argument("--threads", type=int, default=os.cpu_count())
 arguments.add_argument("--seed", type=int, default=1)
 
 
-class Run:
-    """A network on its way: everything that a checkpoint holds."""
-
-    def __init__(self, asked):
-        self.asked = asked
-        self.device = "cuda" if torch.cuda.is_available() else "cpu"
-        self.stage = stage(asked.network, asked.variant)
-        if isinstance(self.stage, Synthesis):
-            for before in self.stage.before:
-                given = getattr(asked, before.network_name) or checkpoint.path(asked.out, before.network_name, asked.variant)
-                checkpoint.warmed(before.network, given).to(self.device)
-        if asked.warm:
-            checkpoint.warmed(self.stage.network, asked.warm, other_inputs=True)
-        self.stage.network.to(self.device)
-        self.course = Course(asked.phase or [Phase.read(p) for p in DEFAULT], asked.rate, asked.drops)
-        self.optimizer = torch.optim.Adam(self.stage.network.parameters(), lr=asked.rate, fused=True)
-        self.average = checkpoint.Average(self.stage.network)
-        self.number, self.samples, self.seconds = 0, 0, 0.0
-        """The place in the course."""
-        self.all_samples, self.all_seconds = 0, 0.0
-        self.file = checkpoint.path(asked.out, asked.network, asked.variant)
-
-    def resume(self):
-        kept = torch.load(self.file, map_location=self.device, weights_only=True)
-        self.stage.network.load_state_dict(kept["network"])
-        self.optimizer.load_state_dict(kept["optimizer"])
-        self.average.weights, self.average.steps = kept["average"], kept["steps"]
-        self.number, self.samples, self.seconds = kept["place"]
-        self.all_samples, self.all_seconds = kept["samples"], kept["seconds"]
-        print(f"going on after {self.all_samples} samples, {self.all_seconds / 60:.1f} minutes")
-
-    def save(self, shards):
-        kept = {"network": self.stage.network.state_dict(), "average": self.average.weights, "steps": self.average.steps}
-        kept |= {"optimizer": self.optimizer.state_dict(), "place": (self.number, self.samples, self.seconds)}
-        kept |= {"samples": self.all_samples, "seconds": self.all_seconds}
-        kept |= {"shards": shards, "command": command(self.asked), "seed": self.asked.seed}
-        checkpoint.saved(self.file, kept)
-
-    def learn(self, found):
-        """One step of the optimizer; returns the loss."""
-        place = self.number, self.samples, self.seconds
-        self.optimizer.param_groups[0]["lr"] = self.course.rate_at(self.course.progress(*place))
-        with torch.autocast(self.device, torch.bfloat16, enabled=self.asked.bfloat16):
-            raw = self.stage.raw(found)
-        loss = self.stage.loss(raw, found)
-        self.optimizer.zero_grad()
-        loss.backward()
-        self.optimizer.step()
-        self.average.follow(self.stage.network)
-        return loss.item()
-
-    def finished(self):
-        return self.number == len(self.course.phases)
-
-    def phase_finished(self):
-        return self.course.done(self.number, self.samples, self.seconds) >= 1
-
-
 def command(asked):
     """The invocation with folders by their own names alone: it is published with the weights."""
     kept = ["python3 -m models.reference.train", asked.network]
     for name, value in vars(asked).items():
-        if name in ("network", "phase", "threads") or value in (None, False, arguments.get_default(name)):
+        if name in ("network", "phase", "threads") or value is None or value is False or value == arguments.get_default(name):
             continue
-        values = value if isinstance(value, list) else [value]
-        text = "," if name == "drops" else " "
-        shown = "" if value is True else " " + text.join(v.name if isinstance(v, Path) else f"{v:g}" if isinstance(v, float) else str(v) for v in values)
-        kept.append(f"--{name.replace('_', '-')}{shown}")
-    for phase in asked.phase or []:
+        shown = [v.name if isinstance(v, Path) else f"{v:g}" if isinstance(v, float) else str(v) for v in np.ravel(value)]
+        kept.append(f"--{name.replace('_', '-')}")
+        if value is not True:
+            kept.append(("," if name == "drops" else " ").join(shown))
+    for phase in asked.phase:
         kept.append(f"--phase {phase.size}:{phase.batch}:{phase.share:g}{'m' if phase.timed else ''}")
     return " ".join(kept)
 
 
-def looked_at(run, scenes):
-    """Mean squared error of each output, of the averaged weights, on the first scenes and a light of each."""
-    asked, errors = run.asked, {}
-    viewed = stage(asked.network, asked.variant)
-    viewed.network.load_state_dict(run.average.weights)
-    viewed.network.to(run.device).eval()
-    if isinstance(viewed, Synthesis):
-        viewed.before = run.stage.before
-    rows = scenes.samples(asked.look_size, viewed.lights, asked.look_scenes)
-    _, first, count = np.unique(rows[:, :2], axis=0, return_index=True, return_counts=True)
-    rows = rows[first + np.arange(len(first)) % count]
-    rng = np.random.default_rng(0)
-    with torch.no_grad():
-        for start in range(0, len(rows), 4):
-            found = on(run.device, scenes.batch(rows[start : start + 4], asked.look_size, rng))
-            for name, answer in viewed.answer(found).items():
-                errors.setdefault(name, []).append(squared(answer, found[name], found["known"]))
-    return {name: float(np.mean(values)) for name, values in errors.items()}
-
-
-def on(device, found):
-    return {name: value.to(device) for name, value in found.items()}
-
-
 def main():
     asked = arguments.parse_args()
+    asked.phase = asked.phase or [Phase.read(text) for text in DEFAULT]
     torch.manual_seed(asked.seed)
     torch.set_num_threads(asked.threads)
     asked.out.mkdir(parents=True, exist_ok=True)
@@ -162,7 +81,8 @@ def main():
     val = Scenes(asked.val, run.stage.needs, noisy, five)
     shards = [f"{shard.folder.parent.name}/{shard.folder.name}" for shard in train.shards]
     millions, scenes = parameters(run.stage.network) / 1e6, sum(shard.count for shard in train.shards)
-    print(f"{asked.network} {asked.variant}: {millions:.2f} M parameters (the paper's tables: {PUBLISHED[asked.network]:.2f} M)")
+    told = f"{millions:.2f} M parameters (the paper's tables: {PUBLISHED[asked.network]:.2f} M)"
+    print(f"{asked.network} {asked.variant}: {told}")
     print(f"{scenes} training scenes in {len(shards)} shards; {run.device}, {asked.threads} threads", flush=True)
 
     stopped = []
@@ -172,14 +92,14 @@ def main():
     table, losses = run.file.with_suffix(".csv"), []
 
     def look(phase, waiting):
-        errors = looked_at(run, val)
+        errors = run.looked_at(val)
         line = {"phase": run.number, "size": phase.size, "samples": run.all_samples, "seconds": round(run.all_seconds)}
         line |= {"rate": f"{run.optimizer.param_groups[0]['lr']:.1e}", "waiting": round(waiting, 3)}
         line |= {"loss": round(float(np.mean(losses)), 5), **{name: round(error, 6) for name, error in errors.items()}}
         losses.clear()
         curves.written(table, line)
         curves.drawn(table, table.with_suffix(".png"), f"{asked.network} {asked.variant}, validation at {asked.look_size}²")
-        run.save(shards)
+        run.save(shards, command(asked))
         print(" ".join(f"{name} {value}" for name, value in line.items()), flush=True)
 
     while not run.finished():
@@ -190,19 +110,18 @@ def main():
             while not run.phase_finished():
                 began = time.monotonic()
                 losses.append(run.learn(on(run.device, ready.next())))
-                run.samples += phase.batch
-                run.all_samples += phase.batch
-                trained += time.monotonic() - began
-                ended = run.phase_finished() or stopped or time.monotonic() > stop
-                if ended or time.monotonic() > looked + 60 * asked.look_minutes:
+                now = time.monotonic()
+                run.went(phase.batch, now - began)
+                trained += now - began
+                ended = stopped or now > stop
+                if ended or run.phase_finished() or now > looked + 60 * asked.look_minutes:
                     look(phase, ready.waited / trained)
                     looked = time.monotonic()
-                run.seconds += time.monotonic() - began
-                run.all_seconds += time.monotonic() - began
-                if stopped or time.monotonic() > stop:
+                    run.went(0, looked - now)
+                if ended:
                     return print("stopped, saved; the same command goes on")
         run.number, run.samples, run.seconds = run.number + 1, 0, 0.0
-        run.save(shards)
+        run.save(shards, command(asked))
     print("the course is finished")
 
 
