@@ -47,7 +47,7 @@ def torus(rng):
 def superquadric(rng):
     """Barr 1981: |x|^(2/b) + |y|^(2/b) to the b/a, plus |z|^(2/a), equals 1."""
     a, b = rng.uniform(0.25, 1.9, 2)
-    mesh = _sphere(6)
+    mesh = _sphere()
     d = np.abs(mesh.vertices) + 1e-9
     r = ((d[:, 0] ** (2 / b) + d[:, 1] ** (2 / b)) ** (b / a) + d[:, 2] ** (2 / a)) ** (-a / 2)
     mesh.vertices = mesh.vertices * r[:, None] * rng.uniform(0.4, 1.0, 3)
@@ -56,8 +56,9 @@ def superquadric(rng):
 
 def blob(rng):
     """A sphere or torus displaced along its normals by a few waves: stays closed."""
-    mesh = _sphere(6) if rng.random() < 0.75 else trimesh.creation.torus(1.0, 0.4, major_sections=192, minor_sections=96)
-    amplitude = rng.uniform(0.05, 0.45) * (1.0 if len(mesh.vertices) > 20000 and rng.random() < 0.8 else 0.5)
+    round_one = rng.random() < 0.75
+    mesh = _sphere() if round_one else trimesh.creation.torus(1.0, 0.4, major_sections=128, minor_sections=64)
+    amplitude = rng.uniform(0.05, 0.45) * (1.0 if round_one and rng.random() < 0.8 else 0.5)
     p, bump = mesh.vertices, 0.0
     for _ in range(8):
         k = rng.normal(size=3)
