@@ -1,5 +1,7 @@
 //! From a shot to a folder of results: develop, light, write, and say what to doubt.
 
+mod lights;
+
 use crate::{
     api::FaultKind,
     develop::{DevelopError, Development, Options, Stage, develop},
@@ -7,7 +9,10 @@ use crate::{
         Disk, Existing, Manifest, OutputError, RelitView, Results, Tone, sheet::Panel, write,
     },
     radiometry::linearise,
-    relight::{Environment, Lamp, RelightOptions, Relit},
+    relight::{
+        Environment, Lamp, Relit,
+        networks::{NetworkError, Paper},
+    },
     shot::{DropCounts, Shot},
 };
 use drivers::{ColorFrame, Plane};
@@ -23,7 +28,6 @@ const UNSEEN: f32 = 0.75;
 const NO_FLASH: f32 = 0.98;
 
 /// What is to be made.
-#[derive(Debug)]
 pub struct Order<'a> {
     /// The frames.
     pub shot: &'a Shot,
@@ -33,6 +37,8 @@ pub struct Order<'a> {
     pub lamps: &'a [Lamp],
     /// Light from all around and what it is called; its results come last.
     pub environment: Option<(&'a str, &'a Environment)>,
+    /// The paper's networks, to answer instead of the closed form.
+    pub paper: Option<&'a Paper>,
     /// What the caller knows to lower the trust.
     pub warnings: Vec<String>,
     /// Further files of the folder: name and contents.
@@ -63,6 +69,8 @@ pub enum DarkroomError {
         snr_db: f32,
     },
     #[error(transparent)]
+    Network(#[from] NetworkError),
+    #[error(transparent)]
     Output(#[from] OutputError),
 }
 
@@ -71,6 +79,7 @@ impl DarkroomError {
     pub fn kind(&self) -> FaultKind {
         match self {
             Self::Develop(_) | Self::NoFlash { .. } => FaultKind::Shot,
+            Self::Network(_) => FaultKind::Input,
             Self::Output(_) => FaultKind::Output,
         }
     }
@@ -82,6 +91,7 @@ impl DarkroomError {
 ///
 /// # Errors
 /// [`DarkroomError::Develop`] and [`DarkroomError::NoFlash`] when the shot cannot answer;
+/// [`DarkroomError::Network`] when a network fails;
 /// [`DarkroomError::Output`] when the folder exists or cannot be written. Nothing is left behind.
 pub fn print(
     order: &Order<'_>,
@@ -97,24 +107,7 @@ pub fn print(
     refuse_without_flash(order, &development)?;
     // Asked for by no later stage; 48 MB of a photograph of 12 megapixels.
     development.flash_only.variance = Plane::default();
-    clock.begin("relight");
-    let mut relit = Vec::with_capacity(order.lamps.len());
-    for (index, lamp) in order.lamps.iter().enumerate() {
-        observe(&format!("light {} of {}", index + 1, order.lamps.len()));
-        let answer = development
-            .prepared
-            .relight(lamp, RelightOptions::default());
-        relit.push(development.finish(answer));
-    }
-    if let Some((name, environment)) = order.environment {
-        observe(name);
-        clock.begin("environment");
-        let map = development.prepared.visibility_map();
-        let answer = development
-            .prepared
-            .environment(&map, environment, RelightOptions::default());
-        relit.push(development.finish(answer));
-    }
+    let relit = lights::lit(order, &mut development, clock, observe)?;
     let timings_ms = clock.end();
     observe("writing");
     let mut warnings = order.warnings.clone();
@@ -234,6 +227,8 @@ fn report(order: &Order<'_>, development: &Development, relit: &[Relit]) -> serd
         "confidence_mean": mean_confidence(development),
         "unseen_path_fraction": unseen,
         "drops": order.source.drops,
+        "tier": order.paper.map_or("closed", |_| "paper"),
+        "networks": order.paper.map(Paper::records),
     })
 }
 

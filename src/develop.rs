@@ -2,13 +2,14 @@
 //!
 //! The callers know the time; this room does not: it only says which stage begins.
 
+mod development;
+
+pub use development::Development;
+
 use crate::{
     radiometry::{self, FlashOnly, LinearImage, RadiometryError, SubtractOptions},
-    registration::{self, RegisteredDepth, RegistrationError, RigMaps},
-    relight::{
-        Prepared, Relit,
-        enlarge::{Mix, enlarge_relit},
-    },
+    registration::{self, RegistrationError, RigMaps},
+    relight::{Prepared, enlarge::Mix},
     scene::{self, Scene, SceneError, SceneOptions},
     shot::Shot,
 };
@@ -83,31 +84,6 @@ pub enum DevelopError {
     Registration(#[from] RegistrationError),
     #[error(transparent)]
     Scene(#[from] SceneError),
-}
-
-/// A shot, understood.
-#[derive(Debug, Clone)]
-pub struct Development {
-    /// The light of the flash alone, on the photograph's own grid.
-    pub flash_only: FlashOnly,
-    /// The same on the working grid, where that is smaller.
-    pub working_light: Option<LinearImage>,
-    /// Depth on the working grid.
-    pub registered: RegisteredDepth,
-    /// Surfaces on the working grid.
-    pub scene: Scene,
-    /// The scene made ready for lights.
-    pub prepared: Prepared,
-}
-
-impl Development {
-    /// Brings a relit picture to the photograph's own size.
-    pub fn finish(&self, relit: Relit) -> Relit {
-        match &self.working_light {
-            None => relit,
-            Some(small) => enlarge_relit(&relit, small, &self.flash_only.light),
-        }
-    }
 }
 
 /// Takes a shot all the way to a scene that lights can be set into. `begins` is told each stage

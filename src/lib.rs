@@ -15,6 +15,7 @@ pub mod develop;
 pub mod output;
 pub mod folder;
 pub mod eval;
+pub mod inference;
 pub mod config;
 pub mod api;
 pub mod darkroom;

@@ -191,7 +191,16 @@ fn everything_down_to_develop_is_pure() {
                 .any(|impure| path == *impure || path.starts_with(&format!("{impure}::")));
             assert!(!banned, "{} uses std::{path}", source.path.display());
         }
-        for crate_name in ["tokio", "rustix", "image", "exr", "indicatif", "tracing"] {
+        for crate_name in [
+            "tokio",
+            "rustix",
+            "image",
+            "exr",
+            "indicatif",
+            "tracing",
+            "ort",
+            "ort_tract",
+        ] {
             let used = paths_from(&source.code, crate_name);
             assert!(
                 used.is_empty(),

@@ -9,9 +9,10 @@ mod light;
 pub use environment::EnvironmentLight;
 pub use light::{CheckedLights, Light, LightError};
 
-use crate::output::Manifest;
+use crate::{output::Manifest, relight::networks::Variant};
 use drivers::DeviceInfo;
 use serde::{Deserialize, Serialize};
+use std::str::FromStr;
 
 /// `POST /v1/shots`: take one shot, now.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -24,6 +25,33 @@ pub struct ShotRequest {
     /// Light from all around, whose result comes last.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub environment: Option<EnvironmentLight>,
+    /// What answers.
+    pub tier: Tier,
+    /// Which networks, where `tier` is `paper`.
+    pub variant: Variant,
+}
+
+/// What answers for surfaces, shadows and light.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Tier {
+    /// Closed forms; needs no model.
+    #[default]
+    Closed,
+    /// The three networks of Qiu et al. 2020.
+    Paper,
+}
+
+impl FromStr for Tier {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "closed" => Ok(Self::Closed),
+            "paper" => Ok(Self::Paper),
+            _ => Err("it must be closed or paper".to_owned()),
+        }
+    }
 }
 
 /// What became of a shot that was asked for.

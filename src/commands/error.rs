@@ -6,6 +6,7 @@ use crate::{
     config::ConfigError,
     eval::{EvalError, ReportError},
     folder::{FolderError, ImageError},
+    inference::InferenceError,
     output::CommitError,
     radiometry::ResponseError,
     session::SessionError,
@@ -53,6 +54,8 @@ pub enum CommandError {
     #[error(transparent)]
     Image(#[from] ImageError),
     #[error(transparent)]
+    Inference(#[from] InferenceError),
+    #[error(transparent)]
     Response(#[from] ResponseError),
     #[error(transparent)]
     Eval(#[from] EvalError),
@@ -86,6 +89,7 @@ impl CommandError {
             | Self::Damaged(_)
             | Self::Folder(_)
             | Self::Image(_)
+            | Self::Inference(_)
             | Self::Response(_)
             | Self::Eval(_) => FaultKind::Input,
             Self::Result(_) | Self::Report(_) | Self::Unwritten(_) | Self::Commit(_) => {

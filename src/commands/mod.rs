@@ -10,12 +10,14 @@ mod client;
 mod error;
 mod eval;
 mod import;
+mod inference;
 mod info;
 mod input;
 mod lights;
 mod progress;
 mod record;
 mod relight;
+mod runtime;
 mod shoot;
 
 pub use answer::Answer;
@@ -78,6 +80,9 @@ pub enum Command {
     CheckDevice(check_device::CheckDevice),
     /// Relight captures that have truth, and measure the error.
     Eval(eval::Eval),
+    /// Say what runs the networks of --tier paper, or how to get a faster one.
+    #[command(subcommand)]
+    Runtime(runtime::Runtime),
     /// Measure something about a camera.
     #[command(subcommand)]
     Calibrate(calibrate::Calibrate),
@@ -99,6 +104,7 @@ impl CommandLine {
             Command::Devices => check_device::list(),
             Command::CheckDevice(check) => check.run(),
             Command::Eval(eval) => eval.run(&config),
+            Command::Runtime(runtime) => runtime.run(&config),
             Command::Calibrate(calibrate) => calibrate.run(),
         }
     }

@@ -2,6 +2,7 @@
 
 use super::{
     Answer, CommandError,
+    inference::{Loaded, TierArguments},
     input::{self, Input},
     lights::LightArguments,
     progress::Progress,
@@ -27,6 +28,8 @@ pub struct Relight {
     input: PathBuf,
     #[command(flatten)]
     lights: LightArguments,
+    #[command(flatten)]
+    tier: TierArguments,
     /// Folder for the results; must not exist yet, or be empty.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -43,6 +46,7 @@ impl Relight {
         if lights.is_empty() {
             return Err(LightError::None.into());
         }
+        let Loaded { paper, warning } = self.tier.load(config)?;
         let Input { capture, drops } = input::read(&self.input, config)?;
         let order = Order {
             shot: &capture.shot,
@@ -55,7 +59,8 @@ impl Relight {
                 .environment
                 .as_ref()
                 .map(|(name, environment)| (name.as_str(), environment)),
-            warnings: lights.warnings,
+            paper: paper.as_ref(),
+            warnings: lights.warnings.into_iter().chain(warning).collect(),
             attachments: &[],
         };
         let existing = if self.force {

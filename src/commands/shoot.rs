@@ -1,11 +1,15 @@
 //! `shoot`: a shot, now.
 
 use super::{
-    Answer, CommandError, client::Client, error::ResultError, lights::LightArguments,
+    Answer, CommandError,
+    client::Client,
+    error::ResultError,
+    inference::{Loaded, TierArguments},
+    lights::LightArguments,
     progress::Progress,
 };
 use crate::{
-    api::{CheckedLights, Light, ShotReply, ShotRequest},
+    api::{CheckedLights, Light, ShotReply, ShotRequest, Tier},
     config::Config,
     output::{Disk, Existing, Staging},
     session::{self, Kept},
@@ -24,6 +28,8 @@ pub struct Shoot {
     relight: bool,
     #[command(flatten)]
     lights: LightArguments,
+    #[command(flatten)]
+    tier: TierArguments,
     /// Address of the device [default: the daemon's, else the configured one].
     #[arg(long, value_name = "ADDRESS")]
     device: Option<String>,
@@ -42,15 +48,23 @@ struct Told {
 
 impl Shoot {
     pub(super) fn run(self, config: &Config) -> Result<Answer, CommandError> {
+        let (tier, variant) = self.tier.tier()?;
         let mut request = ShotRequest {
             relight: self.relight,
             lights: self.lights.read()?,
             environment: self.lights.read_environment()?,
+            tier,
+            variant,
         };
         let dark = request.lights.is_empty() && request.environment.is_none();
         if !self.relight && !dark {
             return Err(CommandError::Arguments(
                 "a light is given without --relight; add --relight".to_owned(),
+            ));
+        }
+        if !self.relight && tier != Tier::Closed {
+            return Err(CommandError::Arguments(
+                "--tier is given without --relight; add --relight".to_owned(),
             ));
         }
         if self.relight && dark {
@@ -60,7 +74,7 @@ impl Shoot {
         let checked = CheckedLights::new(&request.lights, limit, request.environment.as_ref())?;
         let told = match self.daemon(config)? {
             Some(client) => self.through(&client, config, &request)?,
-            None => self.within(config, &checked)?,
+            None => self.within(config, checked)?,
         };
         let Told {
             by,
@@ -101,6 +115,12 @@ impl Shoot {
         config: &Config,
         request: &ShotRequest,
     ) -> Result<Told, CommandError> {
+        if !self.tier.backend.is_empty() {
+            return Err(CommandError::Arguments(format!(
+                "--models, --runtime and --threads are for this process, but the daemon at {} takes the shot; set them under [inference] in its configuration",
+                client.socket().display()
+            )));
+        }
         // Before the flash fires: a folder in the way should cost no shot.
         let mut staging = Staging::begin(&Disk, &self.out, Existing::Refuse, |_| false)?;
         let progress = Progress::of_unknown("the daemon takes the shot");
@@ -142,16 +162,20 @@ impl Shoot {
     }
 
     /// Takes the shot in this process.
-    fn within(&self, config: &Config, lights: &CheckedLights) -> Result<Told, CommandError> {
+    fn within(&self, config: &Config, mut lights: CheckedLights) -> Result<Told, CommandError> {
         drop(Staging::begin(&Disk, &self.out, Existing::Refuse, |_| {
             false
         })?);
+        // Before the flash fires, too.
+        let Loaded { paper, warning } = self.tier.load(config)?;
+        lights.warnings.extend(warning);
         let address = self.device.as_deref().unwrap_or(&config.device);
         let mut device = drivers::open::open(address)?;
         let progress = Progress::of_unknown("taking the shot");
         let taken = session::take(device.as_mut(), &config.capture)?;
-        let lights = self.relight.then_some(lights);
-        let kept = session::keep(&taken, lights, &self.out, Existing::Refuse, &mut |stage| {
+        let lights = self.relight.then_some(&lights);
+        let (paper, out) = (paper.as_ref(), &self.out);
+        let kept = session::keep(&taken, lights, paper, out, Existing::Refuse, &mut |stage| {
             progress.doing(stage);
         })?;
         let note = "in this process; no daemon with this device was found".to_owned();

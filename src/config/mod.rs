@@ -2,6 +2,7 @@
 //!
 //! `config/captured.toml` explains every key; a test holds that it says exactly the defaults here.
 
+use crate::inference::Settings;
 use serde::{Deserialize, Serialize};
 use std::{
     path::{Path, PathBuf},
@@ -26,6 +27,8 @@ pub struct Config {
     pub capture: Capture,
     /// What one client may ask for.
     pub limits: Limits,
+    /// Networks, and what runs them.
+    pub inference: Settings,
 }
 
 /// How a shot is taken.
@@ -68,6 +71,7 @@ impl Default for Config {
             state: None,
             capture: Capture::default(),
             limits: Limits::default(),
+            inference: Settings::default(),
         }
     }
 }
@@ -157,8 +161,9 @@ impl Config {
             state: _,
             capture,
             limits,
+            inference,
         } = self;
-        let rules: [(bool, &'static str, String, &'static str); 11] = [
+        let rules: [(bool, &'static str, String, &'static str); 12] = [
             (
                 !device.is_empty(),
                 "device",
@@ -226,6 +231,12 @@ impl Config {
                 "limits.connections",
                 limits.connections.to_string(),
                 "from 1 to 1024",
+            ),
+            (
+                inference.threads.is_none_or(|n| (1..=64).contains(&n)),
+                "inference.threads",
+                format!("{:?}", inference.threads),
+                "from 1 to 64",
             ),
         ];
         match rules.into_iter().find(|(kept, ..)| !kept) {
@@ -341,6 +352,7 @@ mod tests {
         let config = Config::parse(&examples, Path::new("examples")).unwrap();
         assert!(config.socket.is_some() && config.state.is_some());
         assert!(config.capture.exposure_seconds.is_some() && config.capture.gain.is_some());
+        assert!(config.inference.models.is_some() && config.inference.threads.is_some());
         let table = toml::Table::try_from(&config).unwrap();
         let written: toml::Table = toml::from_str(&examples).unwrap();
         for (key, value) in &table {
@@ -378,6 +390,7 @@ mod tests {
             Case("[limits]\nqueue = 0", "limits.queue"),
             Case("[limits]\nrequest_bytes = -1", "request_bytes"),
             Case("[limits]\nlights = 1000000", "limits.lights"),
+            Case("[inference]\nthreads = 0", "inference.threads"),
             Case("device = ", "device"),
         ];
         for Case(text, named) in cases {

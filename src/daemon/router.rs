@@ -4,8 +4,9 @@ use super::State as Daemon;
 use crate::{
     api::{
         CheckedLights, DevicesReply, Fault, FaultKind, LightError, ShotReply, ShotRequest,
-        StatusReply,
+        StatusReply, Tier,
     },
+    inference::{self, InferenceError},
     output::Existing,
     session,
 };
@@ -152,7 +153,7 @@ async fn take_and_keep(daemon: &Arc<Daemon>, body: &[u8]) -> Result<ShotReply, F
     let request: ShotRequest = serde_json::from_slice(body)
         .map_err(|error| request_fault(format!("the request's JSON: {error}")))?;
     let environment = request.environment.as_ref();
-    let lights = CheckedLights::new(&request.lights, daemon.config.limits.lights, environment)
+    let mut lights = CheckedLights::new(&request.lights, daemon.config.limits.lights, environment)
         .map_err(|error| request_fault(error.to_string()))?;
     if !request.relight && !lights.is_empty() {
         return Err(request_fault(
@@ -162,17 +163,38 @@ async fn take_and_keep(daemon: &Arc<Daemon>, body: &[u8]) -> Result<ShotReply, F
     if request.relight && lights.is_empty() {
         return Err(request_fault(LightError::None.to_string()));
     }
+    let paper = request.tier == Tier::Paper;
+    if paper && !request.relight {
+        return Err(request_fault(
+            "tier: given, but relight is false; set relight to true".to_owned(),
+        ));
+    }
+    let (variant, settings) = (request.variant, daemon.config.inference.clone());
+    if paper {
+        let checked = settings.clone();
+        let check = move || inference::check_paper(variant, &checked);
+        let checked = tokio::task::spawn_blocking(check).await.map_err(broken)?;
+        checked.map_err(unusable)?;
+    }
     let taken = daemon.camera.shoot().await?;
     // Never closed. It goes with the work, which goes on when the client leaves.
     let turn = Arc::clone(&daemon.darkroom).acquire_owned().await;
     let (id, folder) = daemon.store.next();
     let kept = tokio::task::spawn_blocking(move || {
+        // Loaded for this shot alone: an idle daemon holds no network.
+        let loaded = paper.then(|| inference::load_paper(variant, &settings));
+        let loaded = loaded.transpose().map_err(unusable)?;
+        if loaded.is_some() {
+            let runtime = inference::Runtime::start(&settings).map_err(unusable)?;
+            lights.warnings.extend(runtime.warning.clone());
+        }
         let lights = request.relight.then_some(&lights);
-        let kept = session::keep(&taken, lights, &folder, Existing::Refuse, &mut |_| {});
+        let (loaded, silent) = (loaded.as_ref(), &mut |_: &str| {});
+        let kept = session::keep(&taken, lights, loaded, &folder, Existing::Refuse, silent);
         drop(turn);
-        kept
+        kept.map_err(|error| error.fault())
     });
-    let kept = kept.await.map_err(broken)?.map_err(|error| error.fault())?;
+    let kept = kept.await.map_err(broken)??;
     daemon.count_shot(&id);
     Ok(ShotReply {
         id,
@@ -181,6 +203,15 @@ async fn take_and_keep(daemon: &Arc<Daemon>, body: &[u8]) -> Result<ShotReply, F
         warnings: kept.warnings,
         shot: kept.manifest,
     })
+}
+
+/// A network that cannot be had.
+fn unusable(error: InferenceError) -> Fault {
+    Fault {
+        kind: FaultKind::Input,
+        message: error.to_string(),
+        remedy: None,
+    }
 }
 
 /// A task that panicked: our bug, and the request's end, but not the daemon's.

@@ -6,6 +6,7 @@
 pub mod enlarge;
 pub mod environment;
 pub mod lamp;
+pub mod networks;
 mod obscurance;
 mod pinhole;
 pub mod prepared;

@@ -7,6 +7,7 @@ use crate::{
     output::{
         CommitError, Disk, Existing, FRAMES, Manifest, OutputError, Staging, manifest::MANIFEST,
     },
+    relight::networks::Paper,
 };
 use drivers::{DriverError, Frame, recording::Writer};
 use std::path::Path;
@@ -22,7 +23,8 @@ pub struct Kept {
     pub manifest: Manifest,
 }
 
-/// Writes the frames of a shot, and with `lights` what it looks like under them, into `folder`.
+/// Writes the frames of a shot, and with `lights` what it looks like under them, into `folder`;
+/// `paper` answers instead of the closed form.
 ///
 /// `observe` hears what is being done.
 ///
@@ -32,6 +34,7 @@ pub struct Kept {
 pub fn keep(
     taken: &Taken,
     lights: Option<&CheckedLights>,
+    paper: Option<&Paper>,
     folder: &Path,
     existing: Existing,
     observe: &mut dyn FnMut(&str),
@@ -51,6 +54,7 @@ pub fn keep(
                     .environment
                     .as_ref()
                     .map(|(name, environment)| (name.as_str(), environment)),
+                paper,
                 warnings: lights.warnings.clone(),
                 attachments: &[(FRAMES, &frames)],
             };

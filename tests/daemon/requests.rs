@@ -59,6 +59,8 @@ fn bad_requests_are_refused_by_field_and_the_daemon_goes_on() {
             400,
             "\"sky\"",
         ),
+        Case("POST", shots, "{\"tier\": \"fast\"}", 400, "JSON"),
+        Case("POST", shots, "{\"tier\": \"paper\"}", 400, "tier"),
         Case("GET", shots, "", 404, "GET /v1/shots"),
         Case("DELETE", "/v1/status", "", 404, "DELETE"),
         Case("GET", "/", "", 404, "GET /"),

@@ -1,0 +1,101 @@
+//! The developed shot under its lights: by the closed form, or by the paper's networks.
+
+use super::{Clock, Order};
+use crate::{
+    develop::Development,
+    relight::{
+        RelightOptions, Relit,
+        enlarge::Mix,
+        networks::{Decomposed, NetworkError, Paper, resampled},
+    },
+};
+use drivers::Plane;
+
+/// One answer per lamp, in their order, and one for the environment, at the photograph's size.
+pub(super) fn lit(
+    order: &Order<'_>,
+    development: &mut Development,
+    clock: &mut Clock,
+    observe: &mut dyn FnMut(&str),
+) -> Result<Vec<Relit>, NetworkError> {
+    match order.paper {
+        Some(paper) => by_networks(paper, order, development, clock, observe),
+        None => Ok(by_closed_form(order, development, clock, observe)),
+    }
+}
+
+fn by_closed_form(
+    order: &Order<'_>,
+    development: &Development,
+    clock: &mut Clock,
+    observe: &mut dyn FnMut(&str),
+) -> Vec<Relit> {
+    let options = RelightOptions::default();
+    let prepared = &development.prepared;
+    clock.begin("relight");
+    let mut relit = Vec::with_capacity(order.lamps.len());
+    for (index, lamp) in order.lamps.iter().enumerate() {
+        observe(&format!("light {} of {}", index + 1, order.lamps.len()));
+        relit.push(development.finish(prepared.relight(lamp, options)));
+    }
+    if let Some((name, environment)) = order.environment {
+        observe(name);
+        clock.begin("environment");
+        let map = prepared.visibility_map();
+        let answer = prepared.environment(&map, environment, options);
+        relit.push(development.finish(answer));
+    }
+    relit
+}
+
+/// The networks' surfaces take the place of the closed form's.
+fn by_networks(
+    paper: &Paper,
+    order: &Order<'_>,
+    development: &mut Development,
+    clock: &mut Clock,
+    observe: &mut dyn FnMut(&str),
+) -> Result<Vec<Relit>, NetworkError> {
+    observe("working out surfaces with a network");
+    clock.begin("decompose");
+    let feed = development.feed(order.shot, paper.variant);
+    let scene = paper.decompose(&feed)?;
+    take_surfaces(development, &scene);
+    clock.begin("relight");
+    let mut relit = Vec::with_capacity(order.lamps.len());
+    for (index, lamp) in order.lamps.iter().enumerate() {
+        observe(&format!("light {} of {}", index + 1, order.lamps.len()));
+        let answer = paper.relight(&feed, &scene, lamp)?;
+        relit.push(development.finish_fed(&feed, answer));
+    }
+    if let Some((name, environment)) = order.environment {
+        clock.begin("environment");
+        let count = environment.lamps().count();
+        let begins = &mut |number: usize| {
+            observe(&format!("{name}: light {} of {count}", number + 1));
+        };
+        let answer = paper.superposed(&feed, &scene, environment.lamps(), begins)?;
+        relit.push(development.finish_fed(&feed, answer));
+    }
+    Ok(relit)
+}
+
+fn take_surfaces(development: &mut Development, found: &Decomposed) {
+    let scene = &mut development.scene;
+    let answered = scene.albedo.map(Mix::is_known);
+    scene.albedo = where_answered(&found.albedo(), &answered);
+    scene.normal = where_answered(&found.normal(), &answered);
+    scene.roughness = where_answered(&found.roughness(), &answered);
+}
+
+/// A network's plane on the working grid. It answers everywhere, also where there is nothing to ask.
+fn where_answered<T: Mix>(found: &Plane<T>, answered: &Plane<bool>) -> Plane<T> {
+    let mut plane = resampled(found, answered.size());
+    let samples = plane.samples_mut().iter_mut();
+    for (sample, answered) in samples.zip(answered.samples()) {
+        if !answered {
+            *sample = T::unknown();
+        }
+    }
+    plane
+}

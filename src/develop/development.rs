@@ -1,0 +1,104 @@
+//! A shot, understood: what [`super::develop`] hands on.
+
+use crate::{
+    radiometry::{FlashOnly, LinearImage},
+    registration::RegisteredDepth,
+    relight::{
+        Prepared, Relit,
+        enlarge::enlarge_relit,
+        networks::{Feed, Photograph, Variant},
+    },
+    scene::Scene,
+    shot::Shot,
+};
+use glam::DVec2;
+
+/// A shot, understood.
+#[derive(Debug, Clone)]
+pub struct Development {
+    /// The light of the flash alone, on the photograph's own grid.
+    pub flash_only: FlashOnly,
+    /// The same on the working grid, where that is smaller.
+    pub working_light: Option<LinearImage>,
+    /// Depth on the working grid.
+    pub registered: RegisteredDepth,
+    /// Surfaces on the working grid.
+    pub scene: Scene,
+    /// The scene made ready for lights.
+    pub prepared: Prepared,
+}
+
+impl Development {
+    /// Brings a relit picture to the photograph's own size.
+    pub fn finish(&self, relit: Relit) -> Relit {
+        match &self.working_light {
+            None => relit,
+            Some(small) => enlarge_relit(&relit, small, &self.flash_only.light),
+        }
+    }
+
+    /// What the paper's networks are fed: clean ones the smoothed depth; noisy ones the depth as it
+    /// came where it came on the photograph's grid, else as it was registered. `shot` is the one
+    /// that was developed.
+    pub fn feed(&self, shot: &Shot, variant: Variant) -> Feed {
+        self.feed_light(shot, variant, self.light())
+    }
+
+    /// [`Self::feed`] of another light than the flash's alone, such as with the room's.
+    pub fn feed_light(&self, shot: &Shot, variant: Variant, light: &LinearImage) -> Feed {
+        Feed::new(&Photograph {
+            light,
+            depth_metres: match (variant, shot.rig.depth) {
+                (Variant::Clean, _) => &self.scene.depth_metres,
+                (Variant::Noisy, None) => &shot.depth.metres,
+                (Variant::Noisy, Some(_)) => &self.registered.metres,
+            },
+            camera: &self.scene.camera,
+            intensity: shot
+                .rig
+                .flash
+                .intensity
+                .unwrap_or_else(|| likely_intensity(&self.scene, self.light())),
+        })
+    }
+
+    /// Brings a picture that networks relit to the photograph's own size; one of that size stays as
+    /// it is.
+    pub fn finish_fed(&self, feed: &Feed, relit: Relit) -> Relit {
+        let full = &self.flash_only.light;
+        if relit.light.0.size() == full.0.size() {
+            return relit;
+        }
+        enlarge_relit(&relit, &feed.light, full)
+    }
+
+    /// The light of the flash alone on the working grid.
+    fn light(&self) -> &LinearImage {
+        self.working_light
+            .as_ref()
+            .unwrap_or(&self.flash_only.light)
+    }
+}
+
+/// The flash's intensity that makes the scene's albedo of its light: the median over some pixels.
+fn likely_intensity(scene: &Scene, light: &LinearImage) -> f32 {
+    let width = scene.albedo.width();
+    let stride = scene.albedo.len().div_ceil(60_000).max(1);
+    let mut likely: Vec<f32> = (0..scene.albedo.len())
+        .step_by(stride)
+        .filter_map(|index| {
+            let pixel = DVec2::new((index % width) as f64, (index / width) as f64);
+            let ray = scene.camera.ray(pixel)?.as_vec3();
+            let point = scene.depth_metres.samples()[index] * ray;
+            let facing = -scene.normal.samples()[index].dot(ray.normalize());
+            let sent = scene.albedo.samples()[index][1] * facing;
+            let intensity = light.0.samples()[index][1] * point.length_squared() / sent;
+            (sent > 1e-3 && intensity > 0.0 && intensity.is_finite()).then_some(intensity)
+        })
+        .collect();
+    if likely.is_empty() {
+        return 1.0;
+    }
+    let middle = likely.len() / 2;
+    *likely.select_nth_unstable_by(middle, f32::total_cmp).1
+}

@@ -1,0 +1,127 @@
+//! The networks' grid: about 256 × 256 pixels, sides that five halvings divide.
+
+use crate::relight::enlarge::{Mix, enlarge};
+use drivers::Plane;
+use rayon::prelude::*;
+
+/// Pixels of a square picture at the size that the networks were trained at.
+const PIXELS: f64 = 65_536.0;
+/// Both sides are multiples of this: five layers halve the picture.
+const MULTIPLE: f64 = 32.0;
+/// Longest side, for pictures that are all width or all height.
+const LONGEST: f64 = 2048.0;
+
+/// (width, height) of the grid for a picture of this shape; 256 × 256 for squares.
+pub(super) fn size_for((width, height): (usize, usize)) -> (usize, usize) {
+    let aspect = width.max(1) as f64 / height.max(1) as f64;
+    let side =
+        |length: f64| ((length / MULTIPLE).round() * MULTIPLE).clamp(MULTIPLE, LONGEST) as usize;
+    (
+        side((PIXELS * aspect).sqrt()),
+        side((PIXELS / aspect).sqrt()),
+    )
+}
+
+/// Means over what each pixel of the grid covers; unknown samples do not take part, and a pixel that
+/// is more than half unknown is unknown. Where the grid is finer, bilinear. The same size: the same.
+pub fn resampled<T: Mix>(plane: &Plane<T>, (width, height): (usize, usize)) -> Plane<T> {
+    if plane.size() == (width, height) {
+        return plane.clone();
+    }
+    if plane.width() <= width || plane.height() <= height {
+        return enlarge(plane, width, height);
+    }
+    let (columns, rows) = (spans(plane.width(), width), spans(plane.height(), height));
+    let area = (plane.width() * plane.height()) as f32 / (width * height) as f32;
+    let samples = (0..width * height)
+        .into_par_iter()
+        .map_init(Vec::new, |known, index| {
+            known.clear();
+            let mut total = 0.0;
+            for &(y, tall) in &rows[index / width] {
+                for &(x, wide) in &columns[index % width] {
+                    let sample = plane[(x, y)];
+                    if sample.is_known() {
+                        known.push((tall * wide, sample));
+                        total += tall * wide;
+                    }
+                }
+            }
+            if total < 0.5 * area {
+                return T::unknown();
+            }
+            known.iter_mut().for_each(|(weight, _)| *weight /= total);
+            T::mix(known)
+        })
+        .collect();
+    Plane::new(width, height, samples).expect("one sample per pixel")
+}
+
+/// For each of `small` pixels the samples of `large` it covers, each with the part covered.
+fn spans(large: usize, small: usize) -> Vec<Vec<(usize, f32)>> {
+    let scale = large as f64 / small as f64;
+    (0..small)
+        .map(|index| {
+            let (from, to) = (index as f64 * scale, (index + 1) as f64 * scale);
+            (from as usize..large.min(to.ceil() as usize))
+                .map(|at| {
+                    let covered = to.min((at + 1) as f64) - from.max(at as f64);
+                    (at, covered as f32)
+                })
+                .filter(|(_, covered)| *covered > 1e-6)
+                .collect()
+        })
+        .collect()
+}
+
+/// The sample under the middle of each pixel: for depth, whose mean over an edge is no surface.
+pub(super) fn nearest<T: Copy>(plane: &Plane<T>, (width, height): (usize, usize)) -> Plane<T> {
+    let at = |index: usize, small: usize, large: usize| {
+        ((2 * index + 1) * large / (2 * small)).min(large - 1)
+    };
+    Plane::from_fn(width, height, |x, y| {
+        plane[(at(x, width, plane.width()), at(y, height, plane.height()))]
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn grids_have_the_pixels_of_256_squared_and_sides_that_halve_five_times() {
+        struct Case((usize, usize), (usize, usize));
+        for Case(picture, grid) in [
+            Case((256, 256), (256, 256)),
+            Case((128, 128), (256, 256)),
+            Case((1280, 720), (352, 192)),
+            Case((4000, 3000), (288, 224)),
+            Case((3000, 4000), (224, 288)),
+            Case((9000, 1), (2048, 32)),
+        ] {
+            assert_eq!(size_for(picture), grid, "{picture:?}");
+        }
+    }
+
+    #[test]
+    fn a_mean_weighs_what_it_covers_and_leaves_out_what_is_unknown() {
+        let plane = Plane::from_fn(3, 2, |x, _| [1.0f32, 4.0, 7.0][x]);
+        // Pixels of 1.5 samples: (1 + 4/2) / 1.5 and (4/2 + 7) / 1.5; the rows are alike.
+        let small = resampled(&plane, (2, 1));
+        assert!((small[(0, 0)] - 2.0).abs() < 1e-6 && (small[(1, 0)] - 6.0).abs() < 1e-6);
+        let mut holed = plane;
+        holed[(2, 0)] = f32::NAN;
+        let small = resampled(&holed, (1, 1));
+        assert!((small[(0, 0)] - (1.0 + 4.0 + 1.0 + 4.0 + 7.0) / 5.0).abs() < 1e-5);
+        holed = holed.map(|_| f32::NAN);
+        holed[(0, 0)] = 1.0;
+        assert!(resampled(&holed, (1, 1))[(0, 0)].is_nan());
+    }
+
+    #[test]
+    fn a_picture_of_the_grids_size_stays_as_it_is() {
+        let plane = Plane::from_fn(256, 256, |x, y| (x * 7 + y) as f32);
+        assert_eq!(resampled(&plane, size_for(plane.size())), plane);
+        assert_eq!(nearest(&plane, (256, 256)), plane);
+    }
+}

@@ -1,0 +1,155 @@
+//! The paper's tier: three networks instead of closed forms.
+//!
+//! Qiu, Zeng, Ke, Sun, Yang, "Towards Geometry Guided Neural Relighting with Flash Photography",
+//! 3DV 2020. What the networks are fed stands in [`feed`] and is the same as in
+//! `models/reference/feeding.py`; what runs them is behind [`Network`] and not known here.
+
+pub mod feed;
+pub mod frame;
+mod grid;
+mod paper;
+mod render;
+
+pub use feed::{Feed, Photograph};
+pub use grid::resampled;
+pub use paper::{Decomposed, Paper};
+
+use serde::{Deserialize, Serialize};
+use std::str::FromStr;
+use thiserror::Error;
+
+/// Pictures of one size, channel after channel, each in row order: what networks take and give.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Channels {
+    /// (width, height) in pixels.
+    pub size: (usize, usize),
+    /// Channels; `samples` holds channels × height × width numbers.
+    pub count: usize,
+    /// The numbers.
+    pub samples: Vec<f32>,
+}
+
+impl Channels {
+    /// One plane of channel `index`.
+    ///
+    /// # Panics
+    /// When there is no such channel: a bug of the caller.
+    pub fn channel(&self, index: usize) -> &[f32] {
+        let pixels = self.size.0 * self.size.1;
+        &self.samples[index * pixels..(index + 1) * pixels]
+    }
+
+    /// Channels from a rule per pixel.
+    pub(crate) fn from_pixels<const N: usize>(
+        size: (usize, usize),
+        mut pixel: impl FnMut(usize) -> [f32; N],
+    ) -> Self {
+        let pixels = size.0 * size.1;
+        let mut samples = vec![0.0; N * pixels];
+        for index in 0..pixels {
+            for (channel, value) in pixel(index).into_iter().enumerate() {
+                samples[channel * pixels + index] = value;
+            }
+        }
+        Self {
+            size,
+            count: N,
+            samples,
+        }
+    }
+}
+
+/// Where a network comes from and what its answers have cost so far; for `shot.json`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct NetworkRecord {
+    /// What it answers: `decompose`, `shadow` or `synthesis`.
+    pub name: String,
+    /// What it was trained on.
+    pub variant: String,
+    /// BLAKE3 of its file.
+    pub blake3: String,
+    /// Numbers that training set.
+    pub parameters: u64,
+    /// What runs it.
+    pub backend: String,
+    /// Threads it runs on.
+    pub threads: usize,
+    /// Answers given.
+    pub runs: usize,
+    /// Time of all answers together, milliseconds.
+    pub milliseconds: f64,
+}
+
+/// Why a network did not answer.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[expect(missing_docs, reason = "the messages say it")]
+pub enum NetworkError {
+    #[error("network {network}: input {input:?} {problem}; give what models/manifest.toml states")]
+    Input {
+        network: String,
+        input: String,
+        problem: String,
+    },
+    #[error(
+        "network {network}: output {output:?} {problem}; the model does not do what models/manifest.toml states: export it again"
+    )]
+    Output {
+        network: String,
+        output: String,
+        problem: String,
+    },
+    #[error(
+        "network {network}: {problem}; try the other backend (`capturectl runtime status`), or --tier closed, which needs no network"
+    )]
+    Failed { network: String, problem: String },
+}
+
+/// Named pictures in, named pictures out.
+pub trait Network: Send {
+    /// Answers with the `wanted` outputs, in their order, each of the inputs' size.
+    ///
+    /// # Errors
+    /// [`NetworkError`] for inputs of another name, size or number of channels than the network
+    /// has, and when it fails.
+    fn answer(
+        &self,
+        given: &[(&str, &Channels)],
+        wanted: &[&str],
+    ) -> Result<Vec<Channels>, NetworkError>;
+
+    /// Its origin and cost.
+    fn record(&self) -> NetworkRecord;
+}
+
+/// What the networks of a set were trained on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Variant {
+    /// Exact depth. Fed the depth that was smoothed by its own noise.
+    #[default]
+    Clean,
+    /// Depth with the paper's noise. Fed the depth as it was registered.
+    Noisy,
+}
+
+impl Variant {
+    /// Its name in the manifest.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Clean => "clean",
+            Self::Noisy => "noisy",
+        }
+    }
+}
+
+impl FromStr for Variant {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "clean" => Ok(Self::Clean),
+            "noisy" => Ok(Self::Noisy),
+            _ => Err("it must be clean or noisy".to_owned()),
+        }
+    }
+}

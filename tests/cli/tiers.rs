@@ -1,0 +1,61 @@
+//! `--tier` and what runs its networks: every way not to have a network is said in words, and the
+//! closed form goes on.
+
+use crate::{capturectl, names_in, recording};
+
+const LIGHT: [&str; 4] = ["--light", "0.6,0.5,0.62", "--out", "relit"];
+
+#[test]
+fn without_its_models_the_papers_tier_says_so_and_the_closed_form_still_answers() {
+    let folder = tempfile::tempdir().unwrap();
+    let desk = recording("desk.mcap");
+    let relight = |more: &[&str]| {
+        let words = ["relight", desk.to_str().unwrap()];
+        capturectl(folder.path(), &[&words, &LIGHT[..], more].concat())
+    };
+    let refused = relight(&["--tier", "paper", "--models", "/nonexistent/models"]);
+    refused.refuses(3, &["decompose", "--tier closed"]);
+    assert!(names_in(folder.path()).is_empty());
+    relight(&["--tier", "closed"]).succeeds();
+    let shot = folder.path().join("relit/shot.json");
+    let shot: serde_json::Value = serde_json::from_slice(&std::fs::read(shot).unwrap()).unwrap();
+    assert_eq!(shot["report"]["tier"], "closed");
+    assert!(shot["report"]["networks"].is_null());
+}
+
+#[test]
+fn tiers_that_make_no_sense_are_refused_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let desk = recording("desk.mcap");
+    struct Case(&'static [&'static str], &'static [&'static str]);
+    for Case(arguments, words) in [
+        Case(&["--tier", "fast"], &["--tier", "closed or paper"]),
+        Case(
+            &["--tier", "paper", "--variant", "odd"],
+            &["--variant", "clean or noisy"],
+        ),
+        Case(&["--variant", "noisy"], &["--variant", "--tier paper"]),
+        Case(&["--tier", "paper", "--threads", "0"], &["--threads"]),
+    ] {
+        let words_before = ["relight", desk.to_str().unwrap()];
+        let all = [&words_before, &LIGHT[..], arguments].concat();
+        capturectl(folder.path(), &all).refuses(2, words);
+    }
+    let shot = capturectl(folder.path(), &["shoot", "--tier", "paper"]);
+    shot.refuses(2, &["--tier", "--relight"]);
+}
+
+#[test]
+fn how_to_get_the_library_is_said_without_getting_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let said = capturectl(folder.path(), &["runtime", "fetch"]);
+    for word in [
+        "pip install",
+        "npm install",
+        "libonnxruntime.so",
+        "runtime status",
+    ] {
+        assert!(said.succeeds().out.contains(word), "{word}: {said:#?}");
+    }
+    assert!(names_in(folder.path()).is_empty());
+}
