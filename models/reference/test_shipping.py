@@ -140,3 +140,28 @@ def test_exported_models_answer_a_folder_as_the_run_does(run, tmp_path):
         one, other = (evaluate.answers(answer.networks(*source, "clean"), found, {}) for source in ((run, None), (None, weights)))
     assert one.keys() == set(evaluate.OUTPUTS)
     assert all(torch.allclose(one[name], other[name], atol=1e-4) for name in one)
+
+
+def test_a_capture_folder_is_fed_as_the_shard_of_the_same_scene(tmp_path):
+    shards = written(tmp_path / "shards", count=1, size=64)
+    scenes = capture_of(shards, tmp_path / "shot")
+    one = stage("decompose", "env")
+    wanted = export.Scenes([tmp_path / "shards"], one.needs).batch([(0, 0, 2)], 64, np.random.default_rng(0))
+    light = ",".join(map(str, np.load(shards / "light.npy")[0, 2]))
+    found = capture.fed(scenes, [answer.direction(light)])[0]
+    for name in ("flash", "near", "mask", "cloud", "ambient"):
+        assert torch.allclose(found[name], wanted[name], atol=1e-3), name
+
+
+def capture_of(shards, folder):
+    """The first scene of a shard as a capture folder, in EXR."""
+    folder.mkdir()
+    load = lambda name: torch.from_numpy(np.load(shards / f"{name}.npy")[:1].astype(np.float32))
+    fx, fy, cx, cy = load("camera")[0].tolist()
+    color = f"width = 64\nheight = 64\nfx = {fx}\nfy = {fy}\ncx = {cx}\ncy = {cy}"
+    (folder / "capture.toml").write_text(f"format = 1\n[color]\n{color}\n[flash]\nintensity = {float(load('intensity'))}\n")
+    everywhere = torch.ones(1, 1, 64, 64)
+    answer.exr(folder / "flash.exr", load("flash") + load("ambient"), everywhere)
+    answer.exr(folder / "ambient.exr", load("ambient"), everywhere)
+    answer.exr(folder / "depth.exr", load("depth"), everywhere)
+    return folder

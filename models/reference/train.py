@@ -24,7 +24,7 @@ from .run import Run, on  # noqa: E402
 from .scenes import Scenes  # noqa: E402
 from .stages import PUBLISHED, VARIANTS  # noqa: E402
 
-DEFAULT = ("64:16:200000", "128:4:60000", "256:2:4000")
+DEFAULT = ("64:4:200000", "128:4:60000", "256:2:4000")
 """Phases where none are given."""
 
 fractions = lambda text: [float(value) for value in text.split(",") if value]
