@@ -13,6 +13,7 @@ import OpenEXR
 
 from . import environment
 from .environment_maps import procedural, write_map
+from .exposure import exposed
 from .scene import FLIP
 from .tof import amplitude, paper_noise, sensed
 from .tracer import Camera, Lamp, Tracer, direct, indirect
@@ -60,20 +61,6 @@ def rendered(scene, size, direct_side=3, indirect_side=2, bounces=3, with_ambien
     channels["environments"] = [(pixels, under(pixels)) for pixels in maps]
     channels["focal"], channels["centre"] = float(camera.f), float(camera.c)
     return channels
-
-
-def exposed(scene, channels):
-    """The photographs at the exposure of a shot: flash alone, the room's light if it is lit, and the flash's intensity.
-
-    One surface pixel in a hundred is above 0.7 in the light of the flash."""
-    known = channels["mask"]
-    bright = np.percentile(channels["flash"][known].max(-1), 99) if known.any() else 1.0
-    intensity = float(np.float32(0.7 / max(bright, 1e-6)))
-    found = {"flash": channels["flash"] * intensity, "intensity": intensity}
-    if "ambient" in channels:
-        ambient = channels["ambient"]
-        found["ambient"] = ambient * (scene.ambient["share"] * found["flash"][known].mean() / max(ambient[known].mean(), 1e-9))
-    return found
 
 
 def measured(scene, channels, noise):

@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .capture_folder import exposed
+from .exposure import exposed
 from .tof import amplitude
 
 KINDS = {"depth": np.float32, "light": np.float32, "camera": np.float32, "intensity": np.float32, "shadow": np.uint8}

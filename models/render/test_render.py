@@ -19,6 +19,7 @@ from . import tracer as tr  # noqa: E402
 from .capture_folder import rendered, write  # noqa: E402
 from . import shards  # noqa: E402
 from .contact_sheet import exr  # noqa: E402
+from .pack import folder_arrays  # noqa: E402
 from .scene import FLIP, Scene, scene  # noqa: E402
 from .textures import SIZE  # noqa: E402
 
@@ -228,6 +229,17 @@ def test_a_shard_holds_what_its_scenes_hold(tmp_path):
     assert 0.999 <= facing <= GLOSS and 0.8 <= found["relit"][0, 1, 0, 16, 16] <= 0.83
     share = found["ambient"][0][:, 2:-2, 2:-2].mean() / found["flash"][0][:, 2:-2, 2:-2].mean()
     assert share == pytest.approx(0.5, rel=0.1)
+
+
+def test_a_folder_packs_into_the_shard_its_scene_would_have_made(tmp_path):
+    made = white_plane()
+    channels = rendered(made, 32, 2, 2, 1, with_ambient=True)
+    write(made, channels, tmp_path / "0000", 32)
+    packed, straight = folder_arrays(tmp_path / "0000"), shards.arrays(made, channels)
+    assert packed.keys() == straight.keys()
+    for name in packed:
+        assert packed[name].shape == np.shape(straight[name]), name
+        np.testing.assert_allclose(packed[name], straight[name], rtol=1e-5, atol=1e-5, err_msg=name)
 
 
 def test_splits_share_no_shape_and_no_texture():
