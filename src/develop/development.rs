@@ -53,6 +53,7 @@ impl Development {
                 (Variant::Noisy, None) => &shot.depth.metres,
                 (Variant::Noisy, Some(_)) => &self.registered.metres,
             },
+            mask: shot.mask.as_ref(),
             camera: &self.scene.camera,
             intensity: shot
                 .rig

@@ -112,7 +112,7 @@ fn both_backends_give_the_same_answers() {
     assert_eq!(by_ort.len(), by_tract.len());
     let differences = by_ort.iter().zip(&by_tract).map(|(a, b)| (a - b).abs());
     let largest = differences.fold(0.0, f32::max);
-    println!(
+    eprintln!(
         "largest difference of {} answers: {largest:e}",
         by_ort.len()
     );

@@ -17,6 +17,8 @@ pub struct Photograph<'a> {
     pub light: &'a LinearImage,
     /// Distance along z, metres, on this or another grid of the same picture; NaN = unknown.
     pub depth_metres: &'a Plane<f32>,
+    /// Which part of the picture counts, on any grid of it; `None` = all.
+    pub mask: Option<&'a Plane<bool>>,
     /// Lens of the light's grid.
     pub camera: &'a Intrinsics,
     /// Value in `light` of a white Lambertian patch facing the flash at one metre.
@@ -51,8 +53,16 @@ impl Feed {
         let camera = photograph.camera.scaled_to(size.0, size.1);
         let light = grid::resampled(&photograph.light.0, size);
         let depth = grid::nearest(photograph.depth_metres, size);
-        let there = |z: f32| z.is_finite() && z > 0.0;
-        let depth = depth.map(|z| if there(*z) { *z } else { f32::NAN });
+        let counts = photograph.mask.map(|mask| grid::nearest(mask, size));
+        let depth = Plane::from_fn(size.0, size.1, |x, y| {
+            let z = depth[(x, y)];
+            let counts = counts.as_ref().is_none_or(|counts| counts[(x, y)]);
+            if counts && z.is_finite() && z > 0.0 {
+                z
+            } else {
+                f32::NAN
+            }
+        });
         Self {
             flash: scaled(&light, photograph.intensity, &depth),
             near: nearness(&depth),
@@ -165,6 +175,7 @@ mod tests {
         Feed::new(&Photograph {
             light: &LinearImage(Plane::filled(256, 256, [light; 3])),
             depth_metres: &Plane::from_fn(256, 256, depth),
+            mask: None,
             camera: &lens(),
             intensity: 4.0,
         })
@@ -207,5 +218,18 @@ mod tests {
         assert!((at(1, 0, 0) - 1.0).abs() < 1e-6 && at(2, 3, 3).abs() < 1e-6);
         let nowhere = feed(1.0, |_, _| f32::NAN);
         assert!(nowhere.cloud.samples.iter().all(|v| *v == 0.0));
+    }
+
+    #[test]
+    fn what_does_not_count_is_unknown_and_another_grid_of_depth_will_do() {
+        let fed = Feed::new(&Photograph {
+            light: &LinearImage(Plane::filled(256, 256, [1.0; 3])),
+            depth_metres: &Plane::from_fn(512, 512, |x, _| if x < 256 { 2.0 } else { 9.0 }),
+            mask: Some(&Plane::from_fn(2, 1, |x, _| x == 0)),
+            camera: &lens(),
+            intensity: 4.0,
+        });
+        let at = |x: usize| [fed.mask.channel(0)[x], fed.flash.channel(2)[x]];
+        assert_eq!([at(127), at(128)], [[1.0, 1.0], [0.0, 0.0]]);
     }
 }
