@@ -3,9 +3,10 @@
 //! The captures are other people's and stay outside the repository: the tests look for the folder
 //! named by `CAPTURED_DATA`, else `../shared/data` beside the workspace, and skip without it.
 
-use captured::eval::report::{CaptureReport, RowReport};
-use captured::eval::{EvalOptions, Report, ReportFolder, evaluate};
+use captured::eval::report::{CaptureReport, RelitReport};
+use captured::eval::{EvalOptions, Report, ReportFolder, Roster, evaluate};
 use captured::folder;
+use captured::relight::RelightOptions;
 use std::path::PathBuf;
 
 /// One object's report; `None`, with the reason printed, where its folder is absent.
@@ -23,11 +24,13 @@ fn evaluated(name: &str) -> Option<Report> {
         return None;
     }
     let capture = folder::read(&folder).expect("a real capture folder is readable");
+    let roster = Roster::standing(RelightOptions::default());
     let options = EvalOptions {
         development_runs: 1,
         ..EvalOptions::default()
     };
-    let report = evaluate(&[capture], &options, |_| {}).expect("a real capture can be evaluated");
+    let report =
+        evaluate(&[capture], &roster, &options, |_| {}).expect("a real capture can be evaluated");
     eprintln!("{report}");
     if let Some(folder) = std::env::var_os("CAPTURED_CHARTS") {
         let folder = PathBuf::from(folder);
@@ -40,11 +43,12 @@ fn evaluated(name: &str) -> Option<Report> {
     Some(report)
 }
 
-fn row(capture: &CaptureReport, number: u8) -> &RowReport {
+fn row(capture: &CaptureReport, number: u8) -> &RelitReport {
     capture
         .rows
         .iter()
         .find(|row| row.row == number)
+        .and_then(|row| row.relit.as_ref())
         .expect("rows 1 to 3 are always run")
 }
 

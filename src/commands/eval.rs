@@ -1,12 +1,19 @@
 //! `eval`: captures with truth, measured.
 
-use super::{Answer, CommandError, input, progress::Progress};
+use super::{Answer, CommandError, error::InputError, input, progress::Progress};
 use crate::{
     config::Config,
-    eval::{EvalOptions, ReportFolder, evaluate},
+    corruption::DepthNoise,
+    eval::{EvalOptions, ForeignRow, NoisyDepth, ReportFolder, Roster, evaluate},
+    relight::RelightOptions,
 };
 use clap::Args;
 use std::path::PathBuf;
+
+/// The last row that this program answers itself; answers from elsewhere have later numbers.
+const OWN_ROWS: u8 = 3;
+/// Longest name of a row, letters.
+const NAME_LETTERS: usize = 40;
 
 /// Arguments of `eval`.
 #[derive(Debug, Args)]
@@ -14,13 +21,41 @@ pub struct Eval {
     /// Capture folders, or recordings with their truth beside them (NAME.truth beside NAME.mcap).
     #[arg(value_name = "CAPTURE", required = true)]
     captures: Vec<PathBuf>,
-    /// Folder for report.json, report.csv and the charts; an earlier report in it is replaced.
+    /// Folder for the report, the table and the charts; an earlier report in it is replaced.
     #[arg(long, value_name = "OUT")]
     report: Option<PathBuf>,
+    /// Measure every capture once more with noise on its depth: that of the reference method
+    /// (6.25e-2 of the span of depth, blurred by a pixel at 256×256) [default seed: 0].
+    #[arg(long, value_name = "paper[:SEED]", value_parser = noise)]
+    depth_noise: Option<NoisyDepth>,
+    /// Add a row that was answered elsewhere: DIR holds one folder per capture, of the capture's
+    /// name, as `relight` writes them (relit_NNN.exr, shadow_NNN.png, albedo.exr, normal.exr,
+    /// roughness.exr), and optionally times.json ({"milliseconds": [12.5, null, …]}, one entry
+    /// per light). ROW is its number in the table, 4 to 99.
+    #[arg(long, value_name = "ROW[:NAME]=DIR", value_parser = answers)]
+    answers: Vec<RowFolder>,
+    /// The same for noisy depth: answers made from captures with noise on their depth (or, for a
+    /// row that uses no depth, the same folder again).
+    #[arg(long, value_name = "ROW[:NAME]=DIR", value_parser = answers, requires = "depth_noise")]
+    noisy_answers: Vec<RowFolder>,
+}
+
+/// One `ROW[:NAME]=DIR`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct RowFolder {
+    number: u8,
+    name: Option<String>,
+    folder: PathBuf,
 }
 
 impl Eval {
     pub(super) fn run(self, config: &Config) -> Result<Answer, CommandError> {
+        let mut roster = Roster::standing(RelightOptions::default());
+        for row in self.foreign_rows(&roster)? {
+            roster
+                .fill(Box::new(row))
+                .map_err(|twice| CommandError::Arguments(format!("--answers: {twice}")))?;
+        }
         let folder = self
             .report
             .as_deref()
@@ -32,7 +67,11 @@ impl Eval {
             .iter()
             .map(|path| input::read(path, config).map(|input| input.capture))
             .collect::<Result<Vec<_>, _>>()?;
-        let report = evaluate(&captures, &EvalOptions::default(), |now| {
+        let options = EvalOptions {
+            noisy: self.depth_noise,
+            ..EvalOptions::default()
+        };
+        let report = evaluate(&captures, &roster, &options, |now| {
             progress.doing(now.capture);
             progress.reach(now.captures_done);
         })?;
@@ -44,10 +83,114 @@ impl Eval {
         let mut text = report.to_string().trim_end().to_owned();
         if let Some(folder) = &self.report {
             text.push_str(&format!(
-                "\nreport.json, report.csv and charts in {}",
+                "\nreport and table (JSON, CSV) and charts in {}",
                 folder.display()
             ));
         }
         Ok(Answer::new(text, &report))
     }
+
+    /// The rows answered elsewhere, clean and noisy answers of one row together.
+    fn foreign_rows(&self, roster: &Roster) -> Result<Vec<ForeignRow>, CommandError> {
+        let mut rows: Vec<ForeignRow> = Vec::new();
+        let clean = self.answers.iter().map(|asked| (asked, false));
+        let noisy = self.noisy_answers.iter().map(|asked| (asked, true));
+        for (asked, noisy) in clean.chain(noisy) {
+            let RowFolder { number, folder, .. } = asked;
+            if !folder.is_dir() {
+                return Err(InputError {
+                    path: folder.clone(),
+                    problem: "is no folder".to_owned(),
+                    remedy: "name the folder that holds one folder of answers per capture",
+                }
+                .into());
+            }
+            let name = match (&asked.name, roster.missing_name(*number)) {
+                (Some(name), _) => name.clone(),
+                (None, Some(name)) => name.to_owned(),
+                (None, None) => format!("answered in {}", folder.display()),
+            };
+            let place = rows
+                .iter()
+                .position(|row| (row.number, &row.name) == (*number, &name))
+                .unwrap_or_else(|| {
+                    rows.push(ForeignRow {
+                        number: *number,
+                        name: name.clone(),
+                        clean: None,
+                        noisy: None,
+                    });
+                    rows.len() - 1
+                });
+            let row = &mut rows[place];
+            let folders = if noisy {
+                &mut row.noisy
+            } else {
+                &mut row.clean
+            };
+            if folders.replace(folder.clone()).is_some() {
+                return Err(CommandError::Arguments(format!(
+                    "--answers: row {number}, \"{name}\", is answered twice; give one of them another name, as in {number}:NAME=DIR"
+                )));
+            }
+        }
+        Ok(rows)
+    }
+}
+
+/// Reads `paper[:SEED]`.
+fn noise(text: &str) -> Result<NoisyDepth, String> {
+    let (kind, seed) = text.split_once(':').unwrap_or((text, "0"));
+    if kind != "paper" {
+        return Err(format!(
+            "there is no noise \"{kind}\"; give paper or paper:SEED"
+        ));
+    }
+    let seed = seed
+        .parse()
+        .map_err(|_| format!("the seed \"{seed}\" is no whole number from 0"))?;
+    Ok(NoisyDepth {
+        noise: DepthNoise::PAPER,
+        seed,
+    })
+}
+
+/// Reads `ROW[:NAME]=DIR`.
+fn answers(text: &str) -> Result<RowFolder, String> {
+    let (row, folder) = text
+        .split_once('=')
+        .ok_or("give ROW=DIR or ROW:NAME=DIR, as in 6=answers")?;
+    let (number, name) = match row.split_once(':') {
+        Some((number, name)) => (number, Some(name.trim())),
+        None => (row, None),
+    };
+    let number = number
+        .trim()
+        .parse()
+        .ok()
+        .filter(|number| (OWN_ROWS + 1..=99).contains(number))
+        .ok_or_else(|| {
+            format!(
+                "row \"{number}\" is no number from {} to 99 (1 to {OWN_ROWS} are answered here)",
+                OWN_ROWS + 1
+            )
+        })?;
+    if let Some(name) = name
+        && (name.is_empty()
+            || name.chars().count() > NAME_LETTERS
+            || name.chars().any(char::is_control))
+    {
+        return Err(format!(
+            "the name \"{}\" must have 1 to {NAME_LETTERS} printable letters",
+            name.escape_debug()
+        ));
+    }
+    if folder.is_empty() {
+        return Err("the folder after = is empty".to_owned());
+    }
+    Ok(RowFolder {
+        number,
+        name: name.map(str::to_owned),
+        folder: folder.into(),
+    })
 }

@@ -1,13 +1,14 @@
 //! One capture on the bench: its truth laid out, and each row taken through its lights.
 
-use super::cost::{Cost, percentile};
+use super::cost::percentile;
 use super::evaluation::EvalError;
 use super::grid::stretched;
-use super::light_error::{LightError, ScaleFit, light_error};
-use super::methods::{Answer, Method};
+use super::light_error::{LightError, light_error};
+use super::methods::{Answer, AnswerTime};
 use super::photometric::{MatteFit, brightness};
-use super::regions::{RegionSums, Regions, Surfaces};
-use super::report::{LightReport, MeanError, RowReport, ShadowTruth, WorstLight};
+use super::regions::{Regions, Surfaces};
+use super::report::{LightReport, ShadowTruth};
+use super::row_run::RowRun;
 use super::shadow_error::ShadowTally;
 use crate::develop::Development;
 use crate::folder::{Capture, Truth, TruthLight};
@@ -37,70 +38,10 @@ struct LitTruth {
     shadow: Option<Plane<f32>>,
 }
 
-/// One row on its way through the lights of a capture.
-pub(super) struct RowRun<'a> {
-    pub(super) method: &'a dyn Method,
-    fit: ScaleFit,
-    milliseconds: Vec<f64>,
-    lights: Vec<LightReport>,
-    shadows: ShadowTally,
-    regions: RegionSums,
-}
-
-impl<'a> RowRun<'a> {
-    pub(super) fn new(method: &'a dyn Method) -> Self {
-        Self {
-            method,
-            fit: ScaleFit::default(),
-            milliseconds: Vec::new(),
-            lights: Vec::new(),
-            shadows: ShadowTally::default(),
-            regions: RegionSums::default(),
-        }
-    }
-
-    /// The factor its pictures are multiplied by.
-    fn scale(&self, scale_known: bool) -> f64 {
-        if scale_known && !self.method.scale_is_free() {
-            1.0
-        } else {
-            self.fit.scale()
-        }
-    }
-
-    /// What it came to; `None` when no light could be compared.
-    pub(super) fn report(self, scale_known: bool) -> Option<RowReport> {
-        let errors = || self.lights.iter().map(|light| &light.error);
-        let worst = self.lights.iter().min_by(|a, b| {
-            a.error
-                .linear_psnr_db
-                .0
-                .total_cmp(&b.error.linear_psnr_db.0)
-        })?;
-        Some(RowReport {
-            row: self.method.row(),
-            name: self.method.name().to_owned(),
-            scale: self.scale(scale_known),
-            mean: MeanError::of_lights(errors())?,
-            worst: WorstLight {
-                light: worst.light,
-                direction: worst.direction,
-                linear_psnr_db: worst.error.linear_psnr_db,
-                srgb_psnr_db: worst.error.srgb_psnr_db,
-            },
-            shadow: self.shadows.error(),
-            regions: self.regions.errors(),
-            relight: Cost::of(self.milliseconds),
-            lights: self.lights,
-        })
-    }
-}
-
 /// One capture laid out for comparing: truth at its exposure, regions, derived shadows.
 pub(super) struct Bench<'a> {
     name: &'a str,
     lights: &'a [TruthLight],
-    development: &'a Development,
     counts: Plane<bool>,
     regions: Regions,
     /// What true pictures are multiplied by.
@@ -114,7 +55,7 @@ impl<'a> Bench<'a> {
     pub(super) fn new(
         capture: &'a Capture,
         truth: &'a Truth,
-        development: &'a Development,
+        development: &Development,
         counts: Plane<bool>,
     ) -> Result<Self, EvalError> {
         let lights = &truth.lights;
@@ -172,7 +113,6 @@ impl<'a> Bench<'a> {
         Ok(Self {
             name: &capture.name,
             lights,
-            development,
             counts,
             regions,
             exposure,
@@ -205,7 +145,8 @@ impl<'a> Bench<'a> {
         })
     }
 
-    fn answer(&self, light: usize, run: &mut RowRun<'_>) -> Result<Answer, EvalError> {
+    /// One row's answer to one light, on the grid of the truth; `None` when it has none.
+    fn answer(&self, light: usize, run: &mut RowRun<'_>) -> Result<Option<Answer>, EvalError> {
         let lamp = Lamp::from_person(self.lights[light].toward_person).map_err(|source| {
             EvalError::Light {
                 capture: self.name.to_owned(),
@@ -214,13 +155,24 @@ impl<'a> Bench<'a> {
             }
         })?;
         let began = Instant::now();
-        let answer = run.method.relight(self.development, &lamp);
-        run.milliseconds.push(began.elapsed().as_secs_f64() * 1e3);
+        let answer = run.study.relight(light, &lamp);
+        let spent = began.elapsed().as_secs_f64() * 1e3;
+        let answer = answer.map_err(|source| EvalError::method(self.name, run.row, source))?;
+        let Some(answer) = answer else {
+            return Ok(None);
+        };
+        run.milliseconds.extend(match answer.time {
+            AnswerTime::Call => Some(spent),
+            AnswerTime::Elsewhere(milliseconds) => milliseconds,
+        });
         let size = self.counts.size();
-        Ok(Answer {
+        Ok(Some(Answer {
             light: stretched(&answer.light, size).into_owned(),
-            shadow: stretched(&answer.shadow, size).into_owned(),
-        })
+            shadow: answer
+                .shadow
+                .map(|shadow| stretched(&shadow, size).into_owned()),
+            time: answer.time,
+        }))
     }
 
     /// First pass: adds one light to every row's best scale.
@@ -230,13 +182,18 @@ impl<'a> Bench<'a> {
         scale_known: bool,
         runs: &mut [RowRun<'_>],
     ) -> Result<(), EvalError> {
-        let truth = self.truth(light)?.picture;
-        for run in runs
+        let mut needing = runs
             .iter_mut()
-            .filter(|run| !scale_known || run.method.scale_is_free())
-        {
-            let answer = self.answer(light, run)?;
-            run.fit.add_picture(&answer.light, &truth, &self.counts);
+            .filter(|run| !run.scale_is_known(scale_known))
+            .peekable();
+        if needing.peek().is_none() {
+            return Ok(());
+        }
+        let truth = self.truth(light)?.picture;
+        for run in needing {
+            if let Some(answer) = self.answer(light, run)? {
+                run.fit.add_picture(&answer.light, &truth, &self.counts);
+            }
         }
         Ok(())
     }
@@ -257,27 +214,32 @@ impl<'a> Bench<'a> {
             shadow: true_shadow,
         } = self.truth(light)?;
         for run in runs {
-            let answer = self.answer(light, run)?;
+            let Some(answer) = self.answer(light, run)? else {
+                run.absent_lights += 1;
+                continue;
+            };
             let found = scaled(&answer.light, run.scale(scale_known));
             let error: Option<LightError> =
                 light_error(&found, &truth, &self.counts).map_err(grid)?;
-            let tally = true_shadow
+            let tally = answer
+                .shadow
                 .as_ref()
-                .map(|shadow| ShadowTally::of(&answer.shadow, shadow, &self.counts))
+                .zip(true_shadow.as_ref())
+                .map(|(found, truth)| ShadowTally::of(found, truth, &self.counts))
                 .transpose()
                 .map_err(grid)?
                 .unwrap_or_default();
             run.shadows.add(&tally);
             self.regions
                 .tally(&mut run.regions, &found, &truth, true_shadow.as_ref());
-            if let Some(error) = error {
-                let direction = self.lights[light].toward_person;
-                run.lights.push(LightReport {
+            match error {
+                Some(error) => run.lights.push(LightReport {
                     light,
-                    direction,
+                    direction: self.lights[light].toward_person,
                     error,
                     shadow: tally.error(),
-                });
+                }),
+                None => run.absent_lights += 1,
             }
         }
         Ok(())

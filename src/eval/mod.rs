@@ -1,27 +1,38 @@
 //! Result + truth → numbers and charts.
 
 mod bench;
+mod capture_run;
 pub mod charts;
 mod cost;
+mod csv;
+mod directions;
 mod evaluation;
+mod foreign;
 mod grid;
 mod light_error;
 pub mod methods;
+mod mse_table;
 mod photometric;
+pub mod published;
 mod regions;
 pub mod report;
 mod report_folder;
+pub mod roster;
+mod row_run;
 mod shadow_error;
 mod ssim;
+pub mod summary;
 mod surface_error;
 mod table;
 
 pub use cost::Cost;
-pub use evaluation::{EvalError, EvalOptions, Progress, evaluate};
+pub use evaluation::{EvalError, EvalOptions, NoisyDepth, Progress, evaluate};
+pub use foreign::ForeignRow;
 pub use light_error::{Decibel, GridMismatch, LightError, ScaleFit, light_error};
 pub use regions::{Region, RegionError, band_pixels};
 pub use report::Report;
 pub use report_folder::{ReportError, ReportFolder};
+pub use roster::Roster;
 pub use shadow_error::{ShadowError, ShadowTally};
 pub use surface_error::{NormalError, RoughnessError, normal_error, roughness_error};
 

@@ -2,9 +2,12 @@
 
 use super::cost::Cost;
 use super::light_error::{Decibel, LightError};
+use super::published::Published;
 use super::regions::RegionError;
 use super::shadow_error::ShadowError;
+use super::summary::{RowSummary, mean};
 use super::surface_error::{NormalError, RoughnessError};
+use crate::corruption::DepthNoise;
 use serde::Serialize;
 
 /// Everything one run of `eval` measured.
@@ -16,10 +19,25 @@ pub struct Report {
     pub protocol: Vec<String>,
     /// Where they were made.
     pub machine: Machine,
-    /// One entry per capture.
+    /// One entry per capture, with the depth as it is.
     pub captures: Vec<CaptureReport>,
+    /// The same captures with noise on the depth, where that was asked for.
+    pub noisy: Option<NoisyReport>,
     /// The rows of every table, those that are missing too, averaged over captures.
     pub rows: Vec<RowSummary>,
+    /// What the reference method's authors printed, of other data.
+    pub published: Vec<Published>,
+}
+
+/// Captures with noise on their depth.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct NoisyReport {
+    /// The noise.
+    pub noise: DepthNoise,
+    /// Its seed; each capture's noise follows from it and the capture's name.
+    pub seed: u64,
+    /// One entry per capture, in the order of [`Report::captures`].
+    pub captures: Vec<CaptureReport>,
 }
 
 impl Report {
@@ -73,10 +91,12 @@ pub struct CaptureReport {
     pub shadow_truth: ShadowTruth,
     /// Milliseconds per stage of the road from shot to scene, in their order.
     pub stages: Vec<StageCost>,
-    /// The scene against the truth.
+    /// The developed scene against the truth.
     pub scene: SceneReport,
-    /// The rows that could be run.
+    /// The rows that answered.
     pub rows: Vec<RowReport>,
+    /// The rows that did not.
+    pub silent: Vec<SilentRow>,
     /// What could not be measured on this capture, and why.
     pub remarks: Vec<String>,
 }
@@ -103,13 +123,43 @@ pub struct SceneReport {
     pub roughness: Option<RoughnessError>,
 }
 
+/// A method that said nothing about a capture.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct SilentRow {
+    /// As in [`super::roster::Row::label`].
+    pub label: String,
+    /// Why.
+    pub reason: String,
+}
+
+impl SceneReport {
+    /// Whether nothing was compared.
+    pub fn is_empty(&self) -> bool {
+        self.albedo.is_none() && self.normal.is_none() && self.roughness.is_none()
+    }
+}
+
 /// One method on one capture.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RowReport {
     /// Its number, as in [`super::methods::Method::row`].
     pub row: u8,
+    /// As in [`super::roster::Row::label`].
+    pub label: String,
     /// Its name.
     pub name: String,
+    /// What it takes the scene to be made of, against the truth.
+    pub surfaces: SceneReport,
+    /// Lights of the truth that it did not answer, or answered no pixel of.
+    pub absent_lights: usize,
+    /// Its pictures against the truth; `None` when it answered no light.
+    #[serde(flatten)]
+    pub relit: Option<RelitReport>,
+}
+
+/// One method's relit pictures of one capture.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RelitReport {
     /// The one factor, over all lights, that its pictures were multiplied by.
     pub scale: f64,
     /// Means over the lights.
@@ -126,7 +176,7 @@ pub struct RowReport {
     pub lights: Vec<LightReport>,
 }
 
-/// Means over lights (or, in [`RowSummary`], over captures of those means).
+/// Means over lights (or, in [`super::summary::RowFigures`], over captures of those means).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct MeanError {
     /// Of [`LightError::linear_mse`].
@@ -164,7 +214,9 @@ impl MeanError {
     }
 
     /// The mean of means; `None` without one.
-    fn of_captures<'a>(captures: impl Iterator<Item = &'a Self> + Clone) -> Option<Self> {
+    pub(super) fn of_captures<'a>(
+        captures: impl Iterator<Item = &'a Self> + Clone,
+    ) -> Option<Self> {
         Some(Self {
             linear_mse: mean(captures.clone().map(|one| one.linear_mse))?,
             linear_psnr_db: Decibel(mean(captures.clone().map(|one| one.linear_psnr_db.0))?),
@@ -175,14 +227,6 @@ impl MeanError {
             answered_fraction: mean(captures.map(|one| one.answered_fraction))?,
         })
     }
-}
-
-/// Arithmetic mean; `None` without a value.
-fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let (sum, number) = values.fold((0.0, 0_usize), |(sum, number), value| {
-        (sum + value, number + 1)
-    });
-    (number > 0).then(|| sum / number as f64)
 }
 
 /// The light a method did worst under.
@@ -216,71 +260,5 @@ impl LightReport {
     pub fn off_axis_degrees(&self) -> f64 {
         let [x, y, z] = self.direction.map(f64::from);
         x.hypot(y).atan2(z).to_degrees()
-    }
-}
-
-/// One row of the table that stands in every report.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct RowSummary {
-    /// Its number, as in [`super::methods::Method::row`].
-    pub row: u8,
-    /// Its name.
-    pub name: String,
-    /// Its figures, or why there are none.
-    #[serde(flatten)]
-    pub figures: RowFigures,
-}
-
-/// A row's figures over all captures.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[serde(tag = "status", rename_all = "snake_case")]
-pub enum RowFigures {
-    /// It was run.
-    Present {
-        /// Captures it was run on.
-        captures: usize,
-        /// Means over captures of the means over lights.
-        mean: MeanError,
-        /// Lowest PSNR in linear light over all captures and lights.
-        worst_linear_psnr_db: Decibel,
-        /// Mean over captures of the pooled shadow IoU, where there is shadow truth.
-        shadow_iou: Option<f64>,
-        /// Mean over captures of the shadow MSE, where there is shadow truth.
-        shadow_mse: Option<f64>,
-        /// Mean over captures of the median milliseconds per relit picture.
-        relight_ms: Option<f64>,
-    },
-    /// It was not run.
-    Missing {
-        /// Why.
-        reason: String,
-    },
-}
-
-impl RowFigures {
-    /// Averages one row's results over captures; missing when there is none.
-    pub(super) fn of(results: &[&RowReport]) -> Self {
-        let Some(mean_error) = MeanError::of_captures(results.iter().map(|row| &row.mean)) else {
-            return Self::Missing {
-                reason: "no capture has true relit pictures".to_owned(),
-            };
-        };
-        let worst = results
-            .iter()
-            .map(|row| row.worst.linear_psnr_db.0)
-            .fold(f64::INFINITY, f64::min);
-        let shadows = || results.iter().filter_map(|row| row.shadow);
-        Self::Present {
-            captures: results.len(),
-            mean: mean_error,
-            worst_linear_psnr_db: Decibel(worst),
-            shadow_iou: mean(shadows().filter_map(|shadow| shadow.iou)),
-            shadow_mse: mean(shadows().map(|shadow| shadow.mse)),
-            relight_ms: mean(
-                results
-                    .iter()
-                    .filter_map(|row| Some(row.relight?.median_ms)),
-            ),
-        }
     }
 }

@@ -31,7 +31,7 @@ impl ReportFolder {
         Staging::begin(&Disk, folder, Existing::Replace, is_ours).map(Self)
     }
 
-    /// Writes `report.json`, `report.csv` and the charts, and gives the folder its name.
+    /// Writes `report` and `table` as JSON and CSV and the charts, and gives the folder its name.
     ///
     /// # Errors
     /// [`ReportError`].
@@ -46,9 +46,10 @@ impl ReportFolder {
 /// Whether a report may have a file of this name.
 fn is_ours(name: &str) -> bool {
     match name.rsplit_once('.') {
-        Some(("report", "json" | "csv")) => true,
+        Some(("report" | "table", "json" | "csv")) => true,
         Some((stem, "png" | "svg")) => {
-            stem.starts_with("hemisphere_") || ["rows", "speed_accuracy"].contains(&stem)
+            stem.starts_with("hemisphere_")
+                || ["rows", "speed_accuracy", "angle_curves"].contains(&stem)
         }
         _ => false,
     }

@@ -1,29 +1,36 @@
 //! Claims about reports, their files and charts, and shadows derived from photographs.
 
 use super::photometric::MatteFit;
-use super::report::RowFigures;
+use super::summary::RowFigures;
 use super::*;
+use crate::relight::RelightOptions;
 use drivers::Plane;
 use glam::Vec3;
 
+/// A report without a capture.
+fn empty_report() -> Report {
+    let roster = Roster::standing(RelightOptions::default());
+    evaluate(&[], &roster, &EvalOptions::default(), |_| {}).unwrap()
+}
+
 #[test]
 fn every_row_stands_in_the_table_and_those_without_figures_say_why() {
-    let report = evaluate(&[], &EvalOptions::default(), |_| {}).unwrap();
+    let report = empty_report();
     let numbers: Vec<u8> = report.rows.iter().map(|row| row.row).collect();
-    assert_eq!(numbers, [1, 2, 3, 4, 5, 6, 7, 8]);
+    assert_eq!(numbers, [1, 2, 3, 4, 4, 4, 5, 6, 7, 8]);
     let text = report.to_string();
     for row in &report.rows {
         let RowFigures::Missing { reason } = &row.figures else {
             panic!("row {} has figures without a capture", row.row)
         };
         assert!(!reason.is_empty());
-        assert!(text.contains(&format!("{} {}", row.row, row.name)) && text.contains(reason));
+        assert!(text.contains(&format!("{} {}", row.label, row.name)) && text.contains(reason));
     }
 }
 
 #[test]
 fn reports_and_charts_are_written_in_every_format() {
-    let report = evaluate(&[], &EvalOptions::default(), |_| {}).unwrap();
+    let report = empty_report();
     let folder = tempfile::tempdir().unwrap();
     ReportFolder::begin(folder.path())
         .unwrap()
@@ -31,13 +38,18 @@ fn reports_and_charts_are_written_in_every_format() {
         .unwrap();
     let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
     let json: serde_json::Value = serde_json::from_slice(&read("report.json")).unwrap();
-    assert_eq!(json["rows"].as_array().unwrap().len(), 8);
+    assert_eq!(json["rows"].as_array().unwrap().len(), 10);
     assert_eq!(json["rows"][3]["status"], "missing");
-    let csv = String::from_utf8(read("report.csv")).unwrap();
-    let mut lines = csv.lines().map(|line| line.matches(',').count());
-    let columns = lines.next().unwrap();
-    assert!(lines.all(|commas| commas >= columns));
-    for stem in ["rows", "speed_accuracy"] {
+    let table: serde_json::Value = serde_json::from_slice(&read("table.json")).unwrap();
+    assert_eq!(table["rows"], json["rows"]);
+    assert_eq!(table["published"][0]["noisy"]["shadow"], 5.53e-2);
+    for name in ["report.csv", "table.csv"] {
+        let csv = String::from_utf8(read(name)).unwrap();
+        let mut lines = csv.lines().map(fields);
+        let columns = lines.next().unwrap();
+        assert!(lines.clone().count() >= 10 && lines.all(|fields| fields == columns));
+    }
+    for stem in ["rows", "speed_accuracy", "angle_curves"] {
         let svg = String::from_utf8(read(&format!("{stem}.svg"))).unwrap();
         for row in &report.rows {
             let name = row.name.replace('\'', "&apos;");
@@ -56,9 +68,15 @@ fn reports_and_charts_are_written_in_every_format() {
     }
 }
 
+/// Fields of a CSV line.
+fn fields(line: &str) -> usize {
+    let outside = line.split('"').step_by(2);
+    1 + outside.map(|part| part.matches(',').count()).sum::<usize>()
+}
+
 #[test]
 fn an_earlier_report_is_replaced_whole_and_anything_else_is_left_alone() {
-    let report = evaluate(&[], &EvalOptions::default(), |_| {}).unwrap();
+    let report = empty_report();
     let parent = tempfile::tempdir().unwrap();
     let folder = parent.path().join("report");
     ReportFolder::begin(&folder)

@@ -1,128 +1,72 @@
-//! A report as files and as text: `report.json`, `report.csv`, and a table for the terminal.
+//! A report as files and as text: JSON, CSV, and tables for the terminal.
 
 use super::charts::ChartError;
 use super::light_error::Decibel;
-use super::report::{CaptureReport, Report, RowFigures, RowReport, ShadowTruth};
-use std::fmt::Write as _;
+use super::published::Published;
+use super::report::{CaptureReport, RelitReport, Report, ShadowTruth};
+use super::summary::{Figures, RowFigures, RowSummary};
+use super::{csv, mse_table};
+use serde::Serialize;
 
-/// `report.json` and `report.csv` (one line per capture, row and light): name and contents.
+/// All of `table.json`: the rows of the report, beside the paper's.
+#[derive(Serialize)]
+struct Table<'a> {
+    rows: &'a [RowSummary],
+    published: &'a [Published],
+}
+
+/// `report.json` and `report.csv` (one line per capture, row and light), `table.json` and
+/// `table.csv` (one line per row): name and contents.
 ///
 /// # Errors
 /// [`ChartError::Drawing`] for a report that is no JSON, which would be a bug.
 pub(super) fn texts(report: &Report) -> Result<Vec<(String, Vec<u8>)>, ChartError> {
-    let json = serde_json::to_vec_pretty(report).map_err(|error| ChartError::Drawing {
-        chart: "report.json".to_owned(),
-        problem: error.to_string(),
-    })?;
+    let table = Table {
+        rows: &report.rows,
+        published: &report.published,
+    };
     Ok(vec![
-        ("report.json".to_owned(), json),
-        ("report.csv".to_owned(), csv(report).into_bytes()),
+        ("report.json".to_owned(), json("report.json", report)?),
+        ("report.csv".to_owned(), csv::csv(report).into_bytes()),
+        ("table.json".to_owned(), json("table.json", &table)?),
+        ("table.csv".to_owned(), mse_table::csv(report).into_bytes()),
     ])
 }
 
-/// One line per capture, row and light, and one per missing row; empty fields are unknown.
-fn csv(report: &Report) -> String {
-    let mut text = String::from(
-        "capture,row,name,light,x,y,z,off_axis_degrees,linear_mse,linear_psnr_db,srgb_mse,srgb_psnr_db,\
-         srgb_ssim,scale_invariant_mse,pixels,unanswered,shadow_mse,shadow_iou,shadow_ber,shadow_pixels,remark\n",
-    );
-    for capture in &report.captures {
-        for row in &capture.rows {
-            for light in &row.lights {
-                let [x, y, z] = light.direction;
-                let error = &light.error;
-                let number =
-                    |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
-                let shadow = light.shadow;
-                let fields = [
-                    quoted(&capture.name),
-                    row.row.to_string(),
-                    quoted(&row.name),
-                    light.light.to_string(),
-                    x.to_string(),
-                    y.to_string(),
-                    z.to_string(),
-                    format!("{:.3}", light.off_axis_degrees()),
-                    error.linear_mse.to_string(),
-                    error.linear_psnr_db.0.to_string(),
-                    error.srgb_mse.to_string(),
-                    error.srgb_psnr_db.0.to_string(),
-                    number(error.srgb_ssim),
-                    error.scale_invariant_mse.to_string(),
-                    error.pixels.to_string(),
-                    error.unanswered.to_string(),
-                    number(shadow.map(|shadow| shadow.mse)),
-                    number(shadow.and_then(|shadow| shadow.iou)),
-                    number(shadow.and_then(|shadow| shadow.balanced_error_rate)),
-                    shadow.map_or_else(String::new, |shadow| shadow.shadow_pixels.to_string()),
-                    String::new(),
-                ];
-                text.push_str(&fields.join(","));
-                text.push('\n');
-            }
-        }
-    }
-    for row in &report.rows {
-        if let RowFigures::Missing { reason } = &row.figures {
-            let blanks = ",".repeat(18);
-            let (name, remark) = (quoted(&row.name), quoted(&format!("missing: {reason}")));
-            _ = writeln!(text, ",{},{name}{blanks}{remark}", row.row);
-        }
-    }
-    text
+fn json(name: &str, content: &impl Serialize) -> Result<Vec<u8>, ChartError> {
+    serde_json::to_vec_pretty(content).map_err(|error| ChartError::Drawing {
+        chart: name.to_owned(),
+        problem: error.to_string(),
+    })
 }
 
-/// A CSV field (RFC 4180).
-fn quoted(field: &str) -> String {
-    if field.contains([',', '"', '\n', '\r']) {
-        format!("\"{}\"", field.replace('"', "\"\""))
-    } else {
-        field.to_owned()
-    }
-}
+/// Captures whose details are printed; of more, only the table is.
+const DETAILED_CAPTURES: usize = 12;
 
 const NAME: usize = 40;
 
 impl std::fmt::Display for Report {
     fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        for capture in &self.captures {
-            write_capture(out, capture)?;
-        }
+        let noisy = self.noisy.iter().flat_map(|noisy| &noisy.captures);
         let captures = self.captures.len();
-        writeln!(
-            out,
-            "All captures ({captures}), means of the means over lights"
-        )?;
-        writeln!(out, "{}", header())?;
-        for row in &self.rows {
-            let name = format!("{} {}", row.row, row.name);
-            match &row.figures {
-                RowFigures::Missing { reason } => {
-                    writeln!(out, "  {name:NAME$} missing: {reason}")?
-                }
-                RowFigures::Present {
-                    mean,
-                    worst_linear_psnr_db,
-                    shadow_iou,
-                    shadow_mse,
-                    relight_ms,
-                    ..
-                } => {
-                    let line = Figures {
-                        linear: mean.linear_psnr_db,
-                        worst: *worst_linear_psnr_db,
-                        srgb: mean.srgb_psnr_db,
-                        ssim: mean.srgb_ssim,
-                        si_mse: mean.scale_invariant_mse,
-                        iou: *shadow_iou,
-                        shadow_mse: *shadow_mse,
-                        milliseconds: *relight_ms,
-                        answered: mean.answered_fraction,
-                    };
-                    writeln!(out, "  {name:NAME$} {line}")?;
-                }
+        if captures <= DETAILED_CAPTURES {
+            for capture in &self.captures {
+                write_capture(out, capture, "")?;
+            }
+            for capture in noisy {
+                write_capture(out, capture, ", noisy depth")?;
             }
         }
+        write_summary(out, captures, "", &self.rows, |row| Some(&row.figures))?;
+        if let Some(noisy) = &self.noisy {
+            let depth = format!(
+                ", noisy depth (noise {} of the span, blur {} pixel at 256×256, seed {})",
+                noisy.noise.noise, noisy.noise.blur_pixels, noisy.seed
+            );
+            write_summary(out, captures, &depth, &self.rows, |row| row.noisy.as_ref())?;
+        }
+        writeln!(out)?;
+        mse_table::write(out, self)?;
         let Self { machine, .. } = self;
         let build = if machine.release_build {
             "release"
@@ -137,8 +81,37 @@ impl std::fmt::Display for Report {
     }
 }
 
+/// Means over captures of every row, with the depth that `figures` picks.
+fn write_summary(
+    out: &mut std::fmt::Formatter<'_>,
+    captures: usize,
+    depth: &str,
+    rows: &[RowSummary],
+    figures: impl Fn(&RowSummary) -> Option<&RowFigures>,
+) -> std::fmt::Result {
+    writeln!(
+        out,
+        "All captures ({captures}){depth}, means of the means over lights"
+    )?;
+    writeln!(out, "{}", header())?;
+    for row in rows {
+        let name = format!("{} {}", row.label, row.name);
+        match figures(row) {
+            None => {}
+            Some(RowFigures::Missing { reason }) => {
+                writeln!(out, "  {name:NAME$} missing: {reason}")?;
+            }
+            Some(RowFigures::Present(found)) => match Line::of_row(found) {
+                Some(line) => writeln!(out, "  {name:NAME$} {line}")?,
+                None => writeln!(out, "  {name:NAME$} relights nothing")?,
+            },
+        }
+    }
+    Ok(())
+}
+
 /// The figures of one line, in the order of [`header`].
-struct Figures {
+struct Line {
     linear: Decibel,
     worst: Decibel,
     srgb: Decibel,
@@ -157,7 +130,7 @@ fn header() -> String {
     )
 }
 
-impl std::fmt::Display for Figures {
+impl std::fmt::Display for Line {
     fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let number = |value: Option<f64>, digits: usize| {
             value.map_or_else(|| "-".to_owned(), |value| format!("{value:.digits$}"))
@@ -178,7 +151,11 @@ impl std::fmt::Display for Figures {
     }
 }
 
-fn write_capture(out: &mut std::fmt::Formatter<'_>, capture: &CaptureReport) -> std::fmt::Result {
+fn write_capture(
+    out: &mut std::fmt::Formatter<'_>,
+    capture: &CaptureReport,
+    depth: &str,
+) -> std::fmt::Result {
     let CaptureReport {
         name,
         width,
@@ -198,23 +175,27 @@ fn write_capture(out: &mut std::fmt::Formatter<'_>, capture: &CaptureReport) -> 
     };
     writeln!(
         out,
-        "{name}: {width}×{height}, {counted_pixels} pixels count, {scale}, shadow truth {shadow}"
+        "{name}{depth}: {width}×{height}, {counted_pixels} pixels count, {scale}, shadow truth {shadow}"
     )?;
-    if !capture.rows.is_empty() {
+    let relit = || {
+        let rows = capture.rows.iter();
+        rows.filter_map(|row| Some((row, row.relit.as_ref()?)))
+    };
+    if relit().next().is_some() {
         writeln!(out, "{}", header())?;
     }
-    for row in &capture.rows {
-        let name = format!("{} {}", row.row, row.name);
-        writeln!(out, "  {name:NAME$} {}", Figures::of(row))?;
+    for (row, relit) in relit() {
+        let name = format!("{} {}", row.label, row.name);
+        writeln!(out, "  {name:NAME$} {}", Line::of(relit))?;
     }
-    for row in &capture.rows {
-        let [x, y, z] = row.worst.direction;
+    for (row, relit) in relit() {
+        let [x, y, z] = relit.worst.direction;
         write!(
             out,
             "  {}: worst light {} at {x:.2},{y:.2},{z:.2}; scale {:.4}",
-            row.row, row.worst.light, row.scale
+            row.label, relit.worst.light, relit.scale
         )?;
-        if let Some(shadow) = row.shadow {
+        if let Some(shadow) = relit.shadow {
             let error = shadow.balanced_error_rate;
             write!(out, "; shadow pixels {}", shadow.shadow_pixels)?;
             if let Some(error) = error {
@@ -222,14 +203,17 @@ fn write_capture(out: &mut std::fmt::Formatter<'_>, capture: &CaptureReport) -> 
             }
         }
         writeln!(out)?;
-        if !row.regions.is_empty() {
-            let regions: Vec<String> = row
+        if !relit.regions.is_empty() {
+            let regions: Vec<String> = relit
                 .regions
                 .iter()
                 .map(|error| format!("{} {} dB", error.region.name(), error.linear_psnr_db))
                 .collect();
             writeln!(out, "     by region (linear): {}", regions.join(", "))?;
         }
+    }
+    for silent in &capture.silent {
+        writeln!(out, "  {}: no answer: {}", silent.label, silent.reason)?;
     }
     write_scene(out, capture)?;
     let stages: Vec<String> = capture
@@ -276,18 +260,34 @@ fn write_scene(out: &mut std::fmt::Formatter<'_>, capture: &CaptureReport) -> st
     Ok(())
 }
 
-impl Figures {
-    fn of(row: &RowReport) -> Self {
+impl Line {
+    fn of(relit: &RelitReport) -> Self {
         Self {
-            linear: row.mean.linear_psnr_db,
-            worst: row.worst.linear_psnr_db,
-            srgb: row.mean.srgb_psnr_db,
-            ssim: row.mean.srgb_ssim,
-            si_mse: row.mean.scale_invariant_mse,
-            iou: row.shadow.and_then(|shadow| shadow.iou),
-            shadow_mse: row.shadow.map(|shadow| shadow.mse),
-            milliseconds: row.relight.map(|cost| cost.median_ms),
-            answered: row.mean.answered_fraction,
+            linear: relit.mean.linear_psnr_db,
+            worst: relit.worst.linear_psnr_db,
+            srgb: relit.mean.srgb_psnr_db,
+            ssim: relit.mean.srgb_ssim,
+            si_mse: relit.mean.scale_invariant_mse,
+            iou: relit.shadow.and_then(|shadow| shadow.iou),
+            shadow_mse: relit.shadow.map(|shadow| shadow.mse),
+            milliseconds: relit.relight.map(|cost| cost.median_ms),
+            answered: relit.mean.answered_fraction,
         }
+    }
+
+    /// `None` for a row that relights nothing.
+    fn of_row(figures: &Figures) -> Option<Self> {
+        let mean = figures.mean?;
+        Some(Self {
+            linear: mean.linear_psnr_db,
+            worst: figures.worst_linear_psnr_db?,
+            srgb: mean.srgb_psnr_db,
+            ssim: mean.srgb_ssim,
+            si_mse: mean.scale_invariant_mse,
+            iou: figures.shadow_iou,
+            shadow_mse: figures.shadow_mse,
+            milliseconds: figures.relight_ms,
+            answered: mean.answered_fraction,
+        })
     }
 }

@@ -6,7 +6,11 @@ use super::{
 };
 use crate::radiometry::transfer::srgb_decode;
 use drivers::{Pixels, Plane};
+use glam::Vec3;
 use std::path::{Path, PathBuf};
+
+/// Shortest vector that is still taken as a direction.
+const MIN_NORMAL_LENGTH: f32 = 0.5;
 
 /// The one file `stem.ext` that exists, for the extensions a part may have.
 pub(super) fn find(
@@ -197,8 +201,22 @@ pub(super) fn linear(path: &Path, size: (usize, usize)) -> Result<Plane<[f32; 3]
     })
 }
 
+/// Unit normals in camera axes (x right, y down, z forward) of a file with x right, y up, z toward
+/// the camera; what is no direction becomes NaN = unknown.
+pub(super) fn normals(path: &Path, size: (usize, usize)) -> Result<Plane<Vec3>, FolderError> {
+    Ok(vectors(path, size)?.map(|&[x, y, z]| {
+        let normal = Vec3::new(x, -y, -z);
+        let length = normal.length();
+        if length.is_finite() && length >= MIN_NORMAL_LENGTH {
+            normal / length
+        } else {
+            Vec3::NAN
+        }
+    }))
+}
+
 /// Three components in [−1, 1]: as written in EXR, (n+1)/2 in PNG.
-pub(super) fn vectors(path: &Path, size: (usize, usize)) -> Result<Plane<[f32; 3]>, FolderError> {
+fn vectors(path: &Path, size: (usize, usize)) -> Result<Plane<[f32; 3]>, FolderError> {
     match samples(path, size)? {
         Samples::Rgb8(plane) => Ok(plane.map(|rgb| rgb.map(|v| f32::from(v) / 255.0 * 2.0 - 1.0))),
         Samples::Rgb16(plane) => {

@@ -1,5 +1,6 @@
 //! The capture folder: the plain form a capture is read from and written to.
 
+mod answers;
 pub mod decode;
 mod error;
 mod images;
@@ -8,6 +9,7 @@ mod toml;
 mod truth;
 mod write;
 
+pub use answers::Answers;
 pub use decode::{Decoded, ImageError, ImageKind, Limits, Samples, decode_limited};
 pub use error::FolderError;
 pub use import::{Imported, import, mask_beside, read_mask_beside, truth_beside};

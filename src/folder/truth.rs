@@ -9,9 +9,6 @@ use drivers::Plane;
 use glam::Vec3;
 use std::path::{Path, PathBuf};
 
-/// Longest unit vector short of (0,0,0) for which a truth normal is still taken as a direction.
-const MIN_NORMAL_LENGTH: f32 = 0.5;
-
 /// Truth beside a capture; images are decoded when asked for.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Truth {
@@ -93,19 +90,10 @@ impl Truth {
     /// # Errors
     /// As [`Self::albedo`]; [`FolderError::Field`] for a file without three channels.
     pub fn normal(&self) -> Result<Option<Plane<Vec3>>, FolderError> {
-        let Some(path) = self.normal.as_deref() else {
-            return Ok(None);
-        };
-        let plane = images::vectors(path, self.size)?;
-        Ok(Some(plane.map(|&[x, y, z]| {
-            let normal = Vec3::new(x, -y, -z);
-            let length = normal.length();
-            if length.is_finite() && length >= MIN_NORMAL_LENGTH {
-                normal / length
-            } else {
-                Vec3::NAN
-            }
-        })))
+        self.normal
+            .as_deref()
+            .map(|path| images::normals(path, self.size))
+            .transpose()
     }
 
     /// Karis roughness in [0, 1]; data, not sRGB; NaN = unknown.

@@ -248,7 +248,7 @@ fn a_capture_without_truth_is_evaluated_for_its_times_only() {
             .is_empty()
     );
     let names = names_in(&folder.path().join("report"));
-    for name in ["report.json", "report.csv"] {
+    for name in ["report.json", "report.csv", "table.json", "table.csv"] {
         assert!(names.contains(&name.to_owned()), "{names:?}");
     }
 }

@@ -6,6 +6,7 @@ mod capture;
 mod full_disk;
 mod json;
 mod lamps;
+mod table;
 mod tiers;
 
 use std::{

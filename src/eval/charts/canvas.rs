@@ -131,19 +131,27 @@ pub(super) fn heading<B: DrawingBackend>(
     area.draw_text(content, &style, at)
 }
 
-/// Eight colors that stay apart for color-blind eyes (Okabe & Ito 2008), one per row.
-pub(super) fn row_color(row: u8) -> RGBColor {
-    const COLORS: [RGBColor; 8] = [
-        RGBColor(0x00, 0x00, 0x00),
-        RGBColor(0xe6, 0x9f, 0x00),
-        RGBColor(0x00, 0x72, 0xb2),
-        RGBColor(0xd5, 0x5e, 0x00),
-        RGBColor(0xcc, 0x79, 0xa7),
-        RGBColor(0x56, 0xb4, 0xe9),
-        RGBColor(0xf0, 0xe4, 0x42),
-        RGBColor(0x00, 0x9e, 0x73),
+/// Eight colors that stay apart for color-blind eyes (Okabe & Ito 2008, yellow darkened to be seen
+/// on white), one per row number; rows that share a number take paler shades of it in turn.
+pub(super) fn row_color(label: &str) -> RGBColor {
+    const COLORS: [[f64; 3]; 8] = [
+        [0.0, 0.0, 0.0],
+        [230.0, 159.0, 0.0],
+        [0.0, 114.0, 178.0],
+        [213.0, 94.0, 0.0],
+        [204.0, 121.0, 167.0],
+        [86.0, 180.0, 233.0],
+        [190.0, 174.0, 0.0],
+        [0.0, 158.0, 115.0],
     ];
-    COLORS[usize::from(row.saturating_sub(1)) % COLORS.len()]
+    const PALER: [f64; 3] = [0.0, 0.4, 0.65];
+    let letters = label.trim_start_matches(|letter: char| letter.is_ascii_digit());
+    let number: usize = label[..label.len() - letters.len()].parse().unwrap_or(1);
+    let shade = letters.bytes().last().map_or(0, |letter| letter - b'a');
+    let pale = PALER[usize::from(shade) % PALER.len()];
+    let color = COLORS[number.saturating_sub(1) % COLORS.len()];
+    let [red, green, blue] = color.map(|value| (value + pale * (255.0 - value)).round() as u8);
+    RGBColor(red, green, blue)
 }
 
 /// Viridis (van der Walt & Smith 2015) at `share` in [0, 1]: dark = low, bright = high.

@@ -1,6 +1,8 @@
 //! A report as pictures: error by light direction, speed against accuracy, rows.
 
+mod angle_curves;
 mod canvas;
+mod color_scales;
 mod hemisphere;
 mod row_table;
 mod speed_accuracy;
@@ -8,8 +10,8 @@ mod speed_accuracy;
 use super::report::Report;
 pub use canvas::ChartError;
 
-/// Draws every chart of a report, each as PNG and as SVG: `rows`, `speed_accuracy`, and one
-/// `hemisphere_CAPTURE` per capture with lights. File names and contents; no name comes twice.
+/// Draws every chart of a report, each as PNG and as SVG: `rows`, `speed_accuracy`,
+/// `angle_curves`, and one `hemisphere_ROW` per row that relit something. File names and contents.
 ///
 /// # Errors
 /// [`ChartError::Drawing`] when a picture cannot be drawn.
@@ -20,22 +22,15 @@ pub fn draw(report: &Report) -> Result<Vec<(String, Vec<u8>)>, ChartError> {
         &speed_accuracy::SpeedAccuracy::new(report),
         "speed_accuracy",
     )?);
-    let mut stems: Vec<String> = Vec::new();
-    for capture in report
-        .captures
-        .iter()
-        .filter(|capture| !capture.rows.is_empty())
-    {
-        let mut stem = format!("hemisphere_{}", capture.name);
-        // Captures of one name from several folders.
-        while stems.contains(&stem) {
-            stem.push('_');
+    files.extend(canvas::encode(
+        &angle_curves::AngleCurves::new(report),
+        "angle_curves",
+    )?);
+    let scales = color_scales::ColorScales::new(report);
+    for row in &report.rows {
+        if let Some(maps) = hemisphere::Hemisphere::new(report, row, &scales) {
+            files.extend(canvas::encode(&maps, &format!("hemisphere_{}", row.label))?);
         }
-        files.extend(canvas::encode(
-            &hemisphere::Hemisphere::new(capture),
-            &stem,
-        )?);
-        stems.push(stem);
     }
     Ok(files)
 }

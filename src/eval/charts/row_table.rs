@@ -3,7 +3,8 @@
 use super::canvas::{Canvas, Chart, Drawn, FAINT, HAIR, HPos, INK, VPos, heading, row_color, text};
 use super::speed_accuracy::named;
 use crate::eval::light_error::Decibel;
-use crate::eval::report::{Report, RowFigures, RowReport};
+use crate::eval::report::{CaptureReport, RelitReport, Report};
+use crate::eval::summary::{Figures, RowFigures};
 use plotters::prelude::*;
 
 const WIDTH: i32 = 1240;
@@ -22,7 +23,22 @@ const COLUMNS: [(i32, &str, &str); 7] = [
     (1220, "relight", "ms"),
 ];
 
-/// A block of rows for all captures together and one for each.
+/// Captures that get blocks of their own; of more, only the means are drawn.
+const DETAILED_CAPTURES: usize = 12;
+
+/// What stands under one heading.
+struct Block<'a> {
+    heading: String,
+    rows: Vec<(String, Entry<'a>)>,
+}
+
+/// One row of a block.
+enum Entry<'a> {
+    Line(Line),
+    Missing(&'a str),
+}
+
+/// A block of rows for all captures together, clean and noisy, and one for each.
 pub(super) struct RowTable<'a> {
     report: &'a Report,
 }
@@ -32,13 +48,44 @@ impl<'a> RowTable<'a> {
         Self { report }
     }
 
-    /// Blocks of the per-capture rows are shown when there is more than one capture.
-    fn blocks(&self) -> &'a [crate::eval::report::CaptureReport] {
-        if self.report.captures.len() > 1 {
-            &self.report.captures
-        } else {
-            &[]
+    /// Means first, then the captures where there are several, but not many.
+    fn blocks(&self) -> Vec<Block<'a>> {
+        let names = self.report.capture_names();
+        let all = match names.as_slice() {
+            [one] => (*one).to_owned(),
+            several => format!("mean over captures: {}", named(several)),
+        };
+        let clean = self.report.rows.iter().map(|row| (row, Some(&row.figures)));
+        let noisy = self.report.rows.iter().map(|row| (row, row.noisy.as_ref()));
+        let means: [(String, Vec<_>); 2] = [
+            (all.clone(), clean.collect()),
+            (format!("{all}, noisy depth"), noisy.collect()),
+        ];
+        let mut blocks = Vec::new();
+        for (heading, rows) in means {
+            let rows: Vec<_> = rows
+                .into_iter()
+                .filter_map(|(row, figures)| {
+                    let name = format!("{} {}", row.label, row.name);
+                    Some((name, Entry::of_mean(&row.label, figures?)))
+                })
+                .collect();
+            if !rows.is_empty() {
+                blocks.push(Block { heading, rows });
+            }
         }
+        if !(2..=DETAILED_CAPTURES).contains(&names.len()) {
+            return blocks;
+        }
+        let noisy = self.report.noisy.iter().flat_map(|noisy| &noisy.captures);
+        let captures = self.report.captures.iter().map(|capture| (capture, ""));
+        for (capture, depth) in captures.chain(noisy.map(|capture| (capture, ", noisy depth"))) {
+            blocks.push(Block {
+                heading: format!("{}{depth}", capture.name),
+                rows: of_capture(capture),
+            });
+        }
+        blocks
     }
 
     /// Bars begin at 0 dB and end here.
@@ -47,23 +94,24 @@ impl<'a> RowTable<'a> {
             .captures
             .iter()
             .flat_map(|capture| &capture.rows)
-            .map(|row| row.mean.linear_psnr_db.0)
+            .filter_map(|row| Some(row.relit.as_ref()?.mean.linear_psnr_db.0))
             .filter(|value| value.is_finite())
             .fold(10.0, f64::max)
     }
 
-    fn line<B: DrawingBackend>(&self, area: &Canvas<B>, y: i32, line: &Line) -> Drawn<B> {
+    fn line<B: DrawingBackend>(
+        &self,
+        area: &Canvas<B>,
+        y: i32,
+        (name, line): (&str, &Line),
+    ) -> Drawn<B> {
         let style = |horizontal| text(8, INK, horizontal, VPos::Center);
-        area.draw_text(
-            &format!("{} {}", line.row, line.name),
-            &style(HPos::Left),
-            (40, y),
-        )?;
+        area.draw_text(name, &style(HPos::Left), (40, y))?;
         let share = (line.mean_db.0 / self.full_db()).clamp(0.0, 1.0);
         let end = BAR_X + (share * f64::from(BAR_LENGTH)) as i32;
         area.draw(&Rectangle::new(
             [(BAR_X, y - 9), (end, y + 9)],
-            row_color(line.row).filled(),
+            row_color(&line.label).filled(),
         ))?;
         area.draw_text(&line.mean_db.to_string(), &style(HPos::Left), (end + 6, y))?;
         for ((right, _, _), figure) in COLUMNS.iter().zip(&line.figures) {
@@ -88,43 +136,74 @@ impl<'a> RowTable<'a> {
     }
 }
 
+/// The rows of one capture that relit something.
+fn of_capture(capture: &CaptureReport) -> Vec<(String, Entry<'_>)> {
+    let rows = capture.rows.iter().filter_map(|row| {
+        let line = Line::of_capture(&row.label, row.relit.as_ref()?);
+        Some((format!("{} {}", row.label, row.name), Entry::Line(line)))
+    });
+    rows.collect()
+}
+
 /// One printed line.
 struct Line {
-    row: u8,
-    name: String,
+    label: String,
     mean_db: Decibel,
     figures: [String; 7],
 }
 
 impl Line {
-    fn of_capture(row: &RowReport) -> Self {
+    fn of_capture(label: &str, relit: &RelitReport) -> Self {
         Self {
-            row: row.row,
-            name: row.name.clone(),
-            mean_db: row.mean.linear_psnr_db,
+            label: label.to_owned(),
+            mean_db: relit.mean.linear_psnr_db,
             figures: [
-                row.worst.linear_psnr_db.to_string(),
-                row.mean.srgb_psnr_db.to_string(),
-                figure(row.mean.srgb_ssim, 3),
-                format!("{:.2e}", row.mean.scale_invariant_mse),
-                figure(row.shadow.and_then(|shadow| shadow.iou), 3),
-                figure(row.shadow.map(|shadow| shadow.mse), 4),
-                figure(row.relight.map(|cost| cost.median_ms), 2),
+                relit.worst.linear_psnr_db.to_string(),
+                relit.mean.srgb_psnr_db.to_string(),
+                figure(relit.mean.srgb_ssim, 3),
+                format!("{:.2e}", relit.mean.scale_invariant_mse),
+                figure(relit.shadow.and_then(|shadow| shadow.iou), 3),
+                figure(relit.shadow.map(|shadow| shadow.mse), 4),
+                figure(relit.relight.map(|cost| cost.median_ms), 2),
             ],
+        }
+    }
+
+    /// `None` for a row that relights nothing.
+    fn of_mean(label: &str, figures: &Figures) -> Option<Self> {
+        let mean = figures.mean?;
+        Some(Self {
+            label: label.to_owned(),
+            mean_db: mean.linear_psnr_db,
+            figures: [
+                figures.worst_linear_psnr_db?.to_string(),
+                mean.srgb_psnr_db.to_string(),
+                figure(mean.srgb_ssim, 3),
+                format!("{:.2e}", mean.scale_invariant_mse),
+                figure(figures.shadow_iou, 3),
+                figure(figures.shadow_mse, 4),
+                figure(figures.relight_ms, 2),
+            ],
+        })
+    }
+}
+
+impl<'a> Entry<'a> {
+    fn of_mean(label: &str, figures: &'a RowFigures) -> Self {
+        match figures {
+            RowFigures::Missing { reason } => Self::Missing(reason),
+            RowFigures::Present(figures) => match Line::of_mean(label, figures) {
+                Some(line) => Self::Line(line),
+                None => Self::Missing("relights nothing; surfaces in table.csv"),
+            },
         }
     }
 }
 
 impl Chart for RowTable<'_> {
     fn size(&self) -> (u32, u32) {
-        let lines = 1
-            + self.report.rows.len() as i32
-            + self
-                .blocks()
-                .iter()
-                .map(|capture| 1 + capture.rows.len() as i32)
-                .sum::<i32>();
-        (WIDTH as u32, (TOP + lines * LINE + 20) as u32)
+        let lines: usize = self.blocks().iter().map(|block| 1 + block.rows.len()).sum();
+        (WIDTH as u32, (TOP + lines as i32 * LINE + 20) as u32)
     }
 
     fn draw<B: DrawingBackend>(&self, area: &Canvas<B>) -> Drawn<B> {
@@ -133,60 +212,24 @@ impl Chart for RowTable<'_> {
         area.draw_text(subtitle, &text(8, FAINT, HPos::Left, VPos::Top), (30, 48))?;
         Self::header(area)?;
         let mut y = TOP;
-        let block = |area: &Canvas<B>, y: i32, name: &str| {
+        for block in self.blocks() {
             area.draw(&PathElement::new(
                 vec![(30, y - 14), (WIDTH - 20, y - 14)],
                 HAIR,
             ))?;
-            area.draw_text(name, &text(9, INK, HPos::Left, VPos::Center), (30, y + 4))
-        };
-        let names = self.report.capture_names();
-        let all = match names.as_slice() {
-            [one] => (*one).to_owned(),
-            several => format!("mean over captures: {}", named(several)),
-        };
-        block(area, y, &all)?;
-        y += LINE;
-        for summary in &self.report.rows {
-            match &summary.figures {
-                RowFigures::Present {
-                    mean,
-                    worst_linear_psnr_db,
-                    shadow_iou,
-                    shadow_mse,
-                    relight_ms,
-                    ..
-                } => {
-                    let line = Line {
-                        row: summary.row,
-                        name: summary.name.clone(),
-                        mean_db: mean.linear_psnr_db,
-                        figures: [
-                            worst_linear_psnr_db.to_string(),
-                            mean.srgb_psnr_db.to_string(),
-                            figure(mean.srgb_ssim, 3),
-                            format!("{:.2e}", mean.scale_invariant_mse),
-                            figure(*shadow_iou, 3),
-                            figure(*shadow_mse, 4),
-                            figure(*relight_ms, 2),
-                        ],
-                    };
-                    self.line(area, y, &line)?;
-                }
-                RowFigures::Missing { reason } => {
-                    let style = text(8, FAINT, HPos::Left, VPos::Center);
-                    let name = format!("{} {}", summary.row, summary.name);
-                    area.draw_text(&name, &style, (40, y))?;
-                    area.draw_text(&format!("missing: {reason}"), &style, (BAR_X, y))?;
-                }
-            }
+            let style = text(9, INK, HPos::Left, VPos::Center);
+            area.draw_text(&block.heading, &style, (30, y + 4))?;
             y += LINE;
-        }
-        for capture in self.blocks() {
-            block(area, y, &capture.name)?;
-            y += LINE;
-            for row in &capture.rows {
-                self.line(area, y, &Line::of_capture(row))?;
+            for (name, entry) in &block.rows {
+                match entry {
+                    Entry::Line(line) => self.line(area, y, (name, line))?,
+                    Entry::Missing(reason) => {
+                        let style = text(8, FAINT, HPos::Left, VPos::Center);
+                        area.draw_text(name, &style, (40, y))?;
+                        let reason = format!("missing: {reason}");
+                        area.draw_text(&reason, &style, (BAR_X, y))?;
+                    }
+                }
                 y += LINE;
             }
         }

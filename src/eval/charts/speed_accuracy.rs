@@ -1,11 +1,22 @@
 //! Speed against accuracy: milliseconds per relit picture against PSNR, one point per row.
 
 use super::canvas::{Canvas, Chart, Drawn, FAINT, HAIR, HPos, INK, VPos, heading, row_color, text};
-use crate::eval::report::{Report, RowFigures, RowSummary};
+use crate::eval::report::Report;
+use crate::eval::summary::{RowFigures, RowSummary};
 use plotters::prelude::*;
 
 const WIDTH: i32 = 1180;
+/// At least; more rows make it higher.
 const HEIGHT: i32 = 640;
+/// Height of a row's two lines in the legend.
+const ENTRY: i32 = 46;
+/// Lines of the legend below the rows.
+const MARKS: [&str; 4] = [
+    "dot: mean over lights and captures; full: clean",
+    "depth, hollow: noisy depth",
+    "whisker: down to the worst light of all",
+    "grey line: Pareto front of clean depth",
+];
 const PLOT: [(i32, i32); 2] = [(90, 110), (700, 560)];
 
 /// All rows of one report.
@@ -14,9 +25,10 @@ pub(super) struct SpeedAccuracy<'a> {
     points: Vec<Point>,
 }
 
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 struct Point {
-    row: u8,
+    label: String,
+    noisy: bool,
     milliseconds: f64,
     mean_db: f64,
     worst_db: f64,
@@ -24,13 +36,18 @@ struct Point {
 
 impl<'a> SpeedAccuracy<'a> {
     pub(super) fn new(report: &'a Report) -> Self {
-        let points = report.rows.iter().filter_map(point).collect();
+        let clean = report.rows.iter();
+        let clean = clean.filter_map(|row| point(row, Some(&row.figures), false));
+        let noisy = report.rows.iter();
+        let noisy = noisy.filter_map(|row| point(row, row.noisy.as_ref(), true));
+        let points = clean.chain(noisy).collect();
         Self { report, points }
     }
 
-    /// Points that no other beats in both speed and accuracy, fastest first.
+    /// Points of clean depth that no other beats in both speed and accuracy, fastest first.
     fn pareto_front(&self) -> Vec<Point> {
         let mut points = self.points.clone();
+        points.retain(|point| !point.noisy);
         points.sort_unstable_by(|a, b| a.milliseconds.total_cmp(&b.milliseconds));
         let mut best = f64::NEG_INFINITY;
         points.retain(|point| {
@@ -121,7 +138,7 @@ impl<'a> SpeedAccuracy<'a> {
         area.draw(&PathElement::new(front, FAINT.stroke_width(2)))?;
 
         for point in &self.points {
-            let color = row_color(point.row);
+            let color = row_color(&point.label);
             let (at, mean, worst) = (x(point.milliseconds), y(point.mean_db), y(point.worst_db));
             area.draw(&PathElement::new(
                 vec![(at, mean), (at, worst)],
@@ -131,11 +148,16 @@ impl<'a> SpeedAccuracy<'a> {
                 vec![(at - 7, worst), (at + 7, worst)],
                 color.stroke_width(2),
             ))?;
-            area.draw(&Circle::new((at, mean), 9, color.filled()))?;
+            if point.noisy {
+                area.draw(&Circle::new((at, mean), 9, WHITE.filled()))?;
+                area.draw(&Circle::new((at, mean), 9, color.stroke_width(3)))?;
+            } else {
+                area.draw(&Circle::new((at, mean), 9, color.filled()))?;
+            }
             // A number beside another dot would be read as that dot's: then it goes to the left.
             let crowded = self.points.iter().any(|other| {
                 let gap = x(other.milliseconds) - at;
-                other.row != point.row
+                (&other.label, other.noisy) != (&point.label, point.noisy)
                     && (0..40).contains(&gap)
                     && (y(other.mean_db) - mean).abs() < 30
             });
@@ -145,7 +167,7 @@ impl<'a> SpeedAccuracy<'a> {
                 (HPos::Left, 12)
             };
             let label = text(9, INK, side, VPos::Bottom);
-            area.draw_text(&point.row.to_string(), &label, (at + offset, mean - 4))?;
+            area.draw_text(&point.label, &label, (at + offset, mean - 4))?;
         }
         Ok(())
     }
@@ -155,42 +177,20 @@ impl<'a> SpeedAccuracy<'a> {
         let mut y = PLOT[0].1;
         let left = |size, color| text(size, color, HPos::Left, VPos::Center);
         for summary in &self.report.rows {
-            let (name, detail, ink) = match &summary.figures {
-                RowFigures::Present {
-                    mean,
-                    worst_linear_psnr_db,
-                    relight_ms,
-                    ..
-                } => {
-                    area.draw(&Circle::new((x, y), 8, row_color(summary.row).filled()))?;
-                    let time =
-                        relight_ms.map_or("no time".to_owned(), |time| format!("{time:.2} ms"));
-                    let detail = format!(
-                        "{time}, mean {} dB, worst {worst_linear_psnr_db} dB",
-                        mean.linear_psnr_db
-                    );
-                    (&summary.name, detail, INK)
-                }
-                RowFigures::Missing { reason } => {
-                    area.draw(&Circle::new((x, y), 8, FAINT.stroke_width(1)))?;
-                    (&summary.name, format!("missing: {reason}"), FAINT)
-                }
+            let drawn = self.points.iter().any(|point| point.label == summary.label);
+            let (circle, ink) = if drawn {
+                (row_color(&summary.label).filled(), INK)
+            } else {
+                (FAINT.stroke_width(1), FAINT)
             };
-            area.draw_text(
-                &format!("{} {name}", summary.row),
-                &left(8, ink),
-                (x + 20, y),
-            )?;
-            area.draw_text(&detail, &left(7, ink), (x + 20, y + 19))?;
-            y += 48;
+            area.draw(&Circle::new((x, y), 8, circle))?;
+            let name = format!("{} {}", summary.label, summary.name);
+            area.draw_text(&name, &left(8, ink), (x + 20, y))?;
+            area.draw_text(&detail(summary), &left(7, ink), (x + 20, y + 18))?;
+            y += ENTRY;
         }
-        let marks = [
-            "dot: mean over lights and captures",
-            "whisker: down to the worst light of all",
-            "grey line: Pareto front (nothing faster is better)",
-        ];
         y += 6;
-        for mark in marks {
+        for mark in MARKS {
             area.draw_text(mark, &left(7, FAINT), (x - 8, y))?;
             y += 20;
         }
@@ -200,7 +200,8 @@ impl<'a> SpeedAccuracy<'a> {
 
 impl Chart for SpeedAccuracy<'_> {
     fn size(&self) -> (u32, u32) {
-        (WIDTH as u32, HEIGHT as u32)
+        let legend = ENTRY * self.report.rows.len() as i32 + 20 * MARKS.len() as i32 + 20;
+        (WIDTH as u32, HEIGHT.max(PLOT[0].1 + legend) as u32)
     }
 
     fn draw<B: DrawingBackend>(&self, area: &Canvas<B>) -> Drawn<B> {
@@ -233,21 +234,30 @@ pub(super) fn named(names: &[&str]) -> String {
     }
 }
 
-fn point(summary: &RowSummary) -> Option<Point> {
-    let RowFigures::Present {
-        mean,
-        worst_linear_psnr_db,
-        relight_ms,
-        ..
-    } = &summary.figures
-    else {
-        return None;
+/// A row's figures in words.
+fn detail(summary: &RowSummary) -> String {
+    let figures = match &summary.figures {
+        RowFigures::Missing { reason } => return format!("missing: {reason}"),
+        RowFigures::Present(figures) => figures,
     };
+    let (Some(mean), Some(worst)) = (figures.mean, figures.worst_linear_psnr_db) else {
+        return "relights nothing".to_owned();
+    };
+    let time = figures
+        .relight_ms
+        .map_or("time unknown".to_owned(), |time| format!("{time:.2} ms"));
+    let mean = mean.linear_psnr_db;
+    format!("{time}, mean {mean} dB, worst {worst} dB")
+}
+
+fn point(summary: &RowSummary, figures: Option<&RowFigures>, noisy: bool) -> Option<Point> {
+    let figures = figures?.present()?;
     let point = Point {
-        row: summary.row,
-        milliseconds: (*relight_ms)?,
-        mean_db: mean.linear_psnr_db.0,
-        worst_db: worst_linear_psnr_db.0,
+        label: summary.label.clone(),
+        noisy,
+        milliseconds: figures.relight_ms?,
+        mean_db: figures.mean?.linear_psnr_db.0,
+        worst_db: figures.worst_linear_psnr_db?.0,
     };
     let drawable =
         point.milliseconds > 0.0 && point.mean_db.is_finite() && point.worst_db.is_finite();
