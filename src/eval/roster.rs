@@ -5,11 +5,11 @@ use crate::relight::RelightOptions;
 use thiserror::Error;
 
 /// Row 4, trained on clean depth.
-pub const PAPER_CLEAN: &str = "paper: three networks, clean depth";
+pub const PAPER_CLEAN: &str = "paper's networks, trained on clean depth";
 /// Row 4, trained on noisy depth.
-pub const PAPER_NOISY: &str = "paper: three networks, noisy depth";
+pub const PAPER_NOISY: &str = "paper's networks, trained on noisy depth";
 /// Row 4, surfaces alone, of a photograph with the room's light left in.
-pub const PAPER_ENV: &str = "paper: Env, room light left in";
+pub const PAPER_ENV: &str = "paper's Env network, room light left in";
 /// Row 5.
 pub const SIPS: &str = "SIPS: surfaces without depth";
 

@@ -137,6 +137,7 @@ impl<'a> SpeedAccuracy<'a> {
         front.extend(front.last().map(|&(_, level)| (right, level)));
         area.draw(&PathElement::new(front, FAINT.stroke_width(2)))?;
 
+        let mut labels: Vec<(i32, i32)> = Vec::new();
         for point in &self.points {
             let color = row_color(&point.label);
             let (at, mean, worst) = (x(point.milliseconds), y(point.mean_db), y(point.worst_db));
@@ -167,7 +168,19 @@ impl<'a> SpeedAccuracy<'a> {
                 (HPos::Left, 12)
             };
             let label = text(9, INK, side, VPos::Bottom);
-            area.draw_text(&point.label, &label, (at + offset, mean - 4))?;
+            let mut place = (at + offset, mean - 4);
+            // Dots that coincide have their labels above each other.
+            let taken = |place: (i32, i32), labels: &[(i32, i32)]| {
+                let near = |other: &(i32, i32)| {
+                    (other.0 - place.0).abs() < 28 && (other.1 - place.1).abs() < 16
+                };
+                labels.iter().any(near)
+            };
+            while taken(place, &labels) {
+                place.1 -= 17;
+            }
+            labels.push(place);
+            area.draw_text(&point.label, &label, place)?;
         }
         Ok(())
     }
