@@ -16,6 +16,7 @@ OUT = Path(__file__).parent.parent / "tests" / "models"
 SHAPES = {
     "flash": 3,
     "near": 1,
+    "mask": 1,
     "cloud": 3,
     "shadow": 1,
     "render": 3,
@@ -27,6 +28,8 @@ SHAPES = {
 """Channels by name."""
 
 DECOMPOSE = (("flash", "near"), ("albedo", "normal", "roughness"))
+ENV = (("flash", "near", "mask"), DECOMPOSE[1])
+SIPS = (("flash",), DECOMPOSE[1])
 SHADOW = (("cloud",), ("shadow",))
 SYNTHESIS = (("shadow", "render", "flash", "albedo", "normal", "roughness", "cloud"), ("relit",))
 
@@ -51,26 +54,29 @@ def widened(name):
     return helper.make_node("Cast", [f"{name}_16"], [name], to=TensorProto.FLOAT)
 
 
-def decompose():
-    """albedo = flash / 2, normal = (near, 0, 1) brought to length 1, roughness = sigmoid(2 near)."""
-    albedo = np.zeros((3, 4, 1, 1))
+def decompose(given=DECOMPOSE[0]):
+    """albedo = flash / 2, normal = (l, 0, 1) brought to length 1, roughness = sigmoid(2 l), l being the last channel given."""
+    count = sum(SHAPES[name] for name in given)
+    albedo = np.zeros((3, count, 1, 1))
     albedo[range(3), range(3), 0, 0] = 0.5
-    normal = np.zeros((3, 4, 1, 1))
-    normal[0, 3, 0, 0] = 1
-    roughness = np.zeros((1, 4, 1, 1))
-    roughness[0, 3, 0, 0] = 2
+    normal = np.zeros((3, count, 1, 1))
+    normal[0, -1, 0, 0] = 1
+    roughness = np.zeros((1, count, 1, 1))
+    roughness[0, -1, 0, 0] = 2
+    together = [] if len(given) == 1 else [helper.make_node("Concat", list(given), ["all"], axis=1)]
+    everything = "all" if together else given[0]
     nodes = [
         *(widened(name) for name in ("a", "n", "n_bias", "r")),
-        helper.make_node("Concat", ["flash", "near"], ["all"], axis=1),
-        helper.make_node("Conv", ["all", "a"], ["albedo"]),
-        helper.make_node("Conv", ["all", "n", "n_bias"], ["steep"]),
+        *together,
+        helper.make_node("Conv", [everything, "a"], ["albedo"]),
+        helper.make_node("Conv", [everything, "n", "n_bias"], ["steep"]),
         helper.make_node("ReduceL2", ["steep"], ["length"], axes=[1], keepdims=1),
         helper.make_node("Div", ["steep", "length"], ["normal"]),
-        helper.make_node("Conv", ["all", "r"], ["rough"]),
+        helper.make_node("Conv", [everything, "r"], ["rough"]),
         helper.make_node("Sigmoid", ["rough"], ["roughness"]),
     ]
     weights = [halves("a", albedo), halves("n", normal), halves("n_bias", [0, 0, 1]), halves("r", roughness)]
-    return model(nodes, weights, signals(DECOMPOSE[0]), signals(DECOMPOSE[1]))
+    return model(nodes, weights, signals(given), signals(DECOMPOSE[1]))
 
 
 def shadow():
@@ -147,6 +153,8 @@ def lying():
 
 MODELS = [
     ("decompose", "clean", decompose, DECOMPOSE),
+    ("decompose", "env", lambda: decompose(ENV[0]), ENV),
+    ("decompose", "sips", lambda: decompose(SIPS[0]), SIPS),
     ("shadow", "clean", shadow, SHADOW),
     ("synthesis", "clean", synthesis, SYNTHESIS),
     *(("shadow", evil.__name__, evil, SHADOW) for evil in (external, named_otherwise, shaped_otherwise, typed_otherwise)),

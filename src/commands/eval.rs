@@ -1,17 +1,27 @@
 //! `eval`: captures with truth, measured.
 
-use super::{Answer, CommandError, error::InputError, input, progress::Progress};
+use super::{
+    Answer, CommandError, error::InputError, inference::BackendArguments, input, progress::Progress,
+};
 use crate::{
     config::Config,
     corruption::DepthNoise,
-    eval::{EvalOptions, ForeignRow, NoisyDepth, ReportFolder, Roster, evaluate},
-    relight::RelightOptions,
+    eval::{
+        EvalOptions, ForeignRow, NoisyDepth, ReportFolder, Roster, evaluate,
+        learned::{ThreeNetworks, WithRoomLight, WithoutDepth},
+        methods::Method,
+        roster,
+    },
+    inference::{self, InferenceError, Settings},
+    relight::{RelightOptions, networks::Variant},
 };
 use clap::Args;
 use std::path::PathBuf;
 
 /// The last row that this program answers itself; answers from elsewhere have later numbers.
 const OWN_ROWS: u8 = 3;
+/// Why the rows of networks are missing under `--no-networks`.
+const LEFT_OUT: &str = "left out (--no-networks)";
 /// Longest name of a row, letters.
 const NAME_LETTERS: usize = 40;
 
@@ -38,6 +48,11 @@ pub struct Eval {
     /// row that uses no depth, the same folder again).
     #[arg(long, value_name = "ROW[:NAME]=DIR", value_parser = answers, requires = "depth_noise")]
     noisy_answers: Vec<RowFolder>,
+    /// Leave out the rows of networks, which take seconds per light where tract runs them.
+    #[arg(long)]
+    no_networks: bool,
+    #[command(flatten)]
+    backend: BackendArguments,
 }
 
 /// One `ROW[:NAME]=DIR`.
@@ -51,6 +66,12 @@ struct RowFolder {
 impl Eval {
     pub(super) fn run(self, config: &Config) -> Result<Answer, CommandError> {
         let mut roster = Roster::standing(RelightOptions::default());
+        let mut warnings = Vec::new();
+        if self.no_networks {
+            leave_out_networks(&mut roster);
+        } else {
+            warnings.extend(fill_networks(&mut roster, &self.backend.settings(config)));
+        }
         for row in self.foreign_rows(&roster)? {
             roster
                 .fill(Box::new(row))
@@ -87,7 +108,7 @@ impl Eval {
                 folder.display()
             ));
         }
-        Ok(Answer::new(text, &report))
+        Ok(Answer::new(text, &report).with_warnings(warnings))
     }
 
     /// The rows answered elsewhere, clean and noisy answers of one row together.
@@ -136,6 +157,52 @@ impl Eval {
         }
         Ok(rows)
     }
+}
+
+/// Rows that networks answer: number, name, and how to get the method.
+fn networks(settings: &Settings) -> [(u8, &'static str, Loading); 4] {
+    let paper = |variant| -> Loading {
+        let loaded = inference::load_paper(variant, settings);
+        loaded.map(|paper| -> Box<dyn Method> { Box::new(ThreeNetworks(paper)) })
+    };
+    let decompose = |variant| inference::load("decompose", variant, settings);
+    let env = decompose("env").map(|one| -> Box<dyn Method> { Box::new(WithRoomLight(one)) });
+    let sips = decompose("sips").map(|one| -> Box<dyn Method> { Box::new(WithoutDepth(one)) });
+    [
+        (4, roster::PAPER_CLEAN, paper(Variant::Clean)),
+        (4, roster::PAPER_NOISY, paper(Variant::Noisy)),
+        (4, roster::PAPER_ENV, env),
+        (5, roster::SIPS, sips),
+    ]
+}
+
+type Loading = Result<Box<dyn Method>, InferenceError>;
+
+/// Fills the rows whose networks are there and says of the others why not; returns what to say about
+/// what runs them.
+fn fill_networks(roster: &mut Roster, settings: &Settings) -> Option<String> {
+    let mut warning = None;
+    for (number, name, loaded) in networks(settings) {
+        let filled = loaded
+            .map_err(|error| error.to_string())
+            .and_then(|method| {
+                let runtime =
+                    inference::Runtime::start(settings).map_err(|error| error.to_string())?;
+                warning.clone_from(&runtime.warning);
+                roster.fill(method).map_err(|twice| twice.to_string())
+            });
+        if let Err(reason) = filled {
+            roster.miss(number, name, reason);
+        }
+    }
+    warning
+}
+
+fn leave_out_networks(roster: &mut Roster) {
+    for name in [roster::PAPER_CLEAN, roster::PAPER_NOISY, roster::PAPER_ENV] {
+        roster.miss(4, name, LEFT_OUT.to_owned());
+    }
+    roster.miss(5, roster::SIPS, LEFT_OUT.to_owned());
 }
 
 /// Reads `paper[:SEED]`.

@@ -9,6 +9,7 @@ mod directions;
 mod evaluation;
 mod foreign;
 mod grid;
+pub mod learned;
 mod light_error;
 pub mod methods;
 mod mse_table;

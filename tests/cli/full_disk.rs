@@ -59,7 +59,13 @@ fn every_command_that_writes_says_which_file_did_not_fit_and_leaves_nothing() {
             "shot.mcap",
         ),
         (
-            &["eval", desk.to_str().unwrap(), "--report", "report"],
+            &[
+                "eval",
+                desk.to_str().unwrap(),
+                "--no-networks",
+                "--report",
+                "report",
+            ],
             "report/",
         ),
         (

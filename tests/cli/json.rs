@@ -70,7 +70,7 @@ fn every_command_answers_with_one_document() {
             fields: &["device", "frames", "claims"],
         },
         Case {
-            arguments: &["eval", "capture"],
+            arguments: &["eval", "capture", "--no-networks"],
             fields: &["format", "protocol", "machine", "captures", "rows"],
         },
         Case {

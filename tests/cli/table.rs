@@ -69,7 +69,7 @@ fn exr(path: &Path, (width, height): (u32, u32), color: [f32; 3]) {
 
 /// The report of `eval`.
 fn evaluated(folder: &Path, arguments: &[&str]) -> Value {
-    let arguments = [&["--json", "eval"], arguments].concat();
+    let arguments = [&["--json", "eval", "--no-networks"], arguments].concat();
     capturectl(folder, &arguments).succeeds().json()
 }
 
@@ -122,7 +122,10 @@ fn answers_made_elsewhere_are_measured_and_what_they_lack_is_counted() {
     );
 
     fs::remove_file(folder.path().join("answers/a/relit_001.exr")).unwrap();
-    let ran = capturectl(folder.path(), &[&["eval"], &arguments[..]].concat());
+    let ran = capturectl(
+        folder.path(),
+        &[&["eval", "--no-networks"], &arguments[..]].concat(),
+    );
     let text = &ran.succeeds().out;
     for words in [
         "no answer for 1 capture and 1 light",

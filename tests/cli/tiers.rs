@@ -46,6 +46,31 @@ fn tiers_that_make_no_sense_are_refused_by_name() {
 }
 
 #[test]
+fn rows_of_networks_that_are_not_there_say_why() {
+    let folder = tempfile::tempdir().unwrap();
+    let wall = recording("wall-720p.mcap");
+    let report = |more: &[&str]| {
+        let words = ["eval", "--json", wall.to_str().unwrap()];
+        let report = capturectl(folder.path(), &[&words, more].concat());
+        report.succeeds().json()
+    };
+    for (more, reason) in [
+        (&["--no-networks"][..], "--no-networks"),
+        (&["--models", "/nonexistent/models"], "decompose"),
+    ] {
+        let report = report(more);
+        let rows = report["rows"].as_array().unwrap();
+        let of_networks = rows.iter().filter(|row| row["row"] == 4 || row["row"] == 5);
+        let reasons: Vec<String> = of_networks.map(ToString::to_string).collect();
+        assert_eq!(reasons.len(), 4, "{rows:?}");
+        assert!(
+            reasons.iter().all(|said| said.contains(reason)),
+            "{reasons:?}"
+        );
+    }
+}
+
+#[test]
 fn how_to_get_the_library_is_said_without_getting_it() {
     let folder = tempfile::tempdir().unwrap();
     let said = capturectl(folder.path(), &["runtime", "fetch"]);

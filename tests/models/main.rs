@@ -6,6 +6,7 @@ mod accepted;
 mod backends;
 mod paper;
 mod refused;
+mod rows;
 
 use captured::{
     inference::{InferenceError, Manifest, ModelFile, NetworkSession, Runtime, Settings},
