@@ -187,7 +187,9 @@ impl Network for NetworkSession {
     }
 }
 
-/// A session of bounded threads and memory: no arena that keeps what it once took.
+/// A session of bounded threads and memory. Sizes are fixed, so ONNX Runtime plans its memory once and
+/// takes no more; without its arena each answer costs a fifth to a third more processor time and
+/// saves 30 MiB at most.
 fn build(runtime: &Runtime, threads: usize, bytes: &[u8]) -> Result<Session, String> {
     let words = |error: ort::Error<SessionBuilder>| error.to_string();
     let builder = Session::builder(&runtime.environment).map_err(|error| error.to_string())?;
@@ -199,8 +201,8 @@ fn build(runtime: &Runtime, threads: usize, bytes: &[u8]) -> Result<Session, Str
         builder = builder.with_intra_threads(threads).map_err(words)?;
         builder = builder.with_inter_threads(1).map_err(words)?;
         builder = builder.with_intra_op_spinning(false).map_err(words)?;
-        builder = builder.with_memory_pattern(false).map_err(words)?;
-        let cpu = ep::CPU::default().with_arena_allocator(false).build();
+        builder = builder.with_memory_pattern(true).map_err(words)?;
+        let cpu = ep::CPU::default().with_arena_allocator(true).build();
         builder = builder.with_execution_providers([cpu]).map_err(words)?;
     }
     let session = builder.commit_from_memory(bytes);
