@@ -66,8 +66,7 @@ def text(facts, trained, training, run):
     lines += [f"- BLAKE3 of the data: `{facts['data']}`"]
     lines += [f"- seed {training['seed']}; {training['samples']:,} samples in {training['minutes']:.0f} minutes"]
     lines += ["- the running average of the weights is shipped"]
-    kept = "halves" if training["half"] else "floats"
-    lines += [f"- stored as {kept}; halves cost {training['cost']:+.4f} dB on validation scenes"]
+    lines += [f"- weights stored as {training['storage']}, which costs {training['cost']:+.4f} dB on validation scenes"]
     lines += [f"- ONNX Runtime within {training['apart']:.0e} of PyTorch", ""]
     lines += [f"![learning curve](paper-{network}-{variant}.png)", ""]
     lines += ["## What it reaches", ""]

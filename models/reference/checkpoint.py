@@ -41,8 +41,10 @@ def weights(file):
         import onnx
 
         initializers = onnx.load(file, load_external_data=False).graph.initializer
-        tensor = lambda stored: torch.from_numpy(onnx.numpy_helper.to_array(stored).copy()).float()
-        return {stored.name.removesuffix(".half"): tensor(stored) for stored in initializers}
+        found = {t.name: torch.from_numpy(onnx.numpy_helper.to_array(t).copy()).float() for t in initializers}
+        scale = lambda name: found[name.replace(".bytes", ".scale")] if name.endswith(".bytes") else 1
+        short = lambda name: name.removesuffix(".half").removesuffix(".bytes")
+        return {short(name): values * scale(name) for name, values in found.items() if not name.endswith(".scale")}
     return torch.load(file, map_location="cpu", weights_only=True)["average"]
 
 

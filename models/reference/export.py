@@ -1,7 +1,7 @@
 """`python3 -m models.reference.export RUN --variant clean --data TRAIN… --val VAL… --out models/weights`: ships a run.
 
 Each network of the variant becomes OUT/paper-VARIANT-NETWORK.onnx, checked against PyTorch, its entry of the manifest.toml beside
-OUT and its card in the folder cards/ there. Weights are halves where that costs less than 0.05 dB on the validation shards.
+OUT and its card in the folder cards/ there. Weights are stored as small as costs less than 0.05 dB on the validation shards.
 """
 
 import argparse
@@ -32,7 +32,7 @@ arguments.add_argument("--data", type=Path, nargs="+", required=True, help="the 
 arguments.add_argument("--val", type=Path, nargs="+", required=True, help="folders of validation shards")
 arguments.add_argument("--out", type=Path, default=Path("models/weights"))
 arguments.add_argument("--licence", default="MIT OR Apache-2.0", help="of the weights")
-arguments.add_argument("--scenes", type=int, default=20, help="validation scenes that halves are judged by")
+arguments.add_argument("--scenes", type=int, default=20, help="validation scenes that storage is judged by")
 
 
 def data_hash(roots, names):
@@ -83,12 +83,19 @@ def mean_errors(one, scenes, at_most):
     return {name: float(np.mean([line[name] for line in found])) for name in one.outputs}
 
 
-def cost_decibels(one, scenes, at_most):
-    """What rounding to halves costs the worst output, in dB; the network is left rounded."""
+def smallest(one, fresh, scenes, at_most):
+    """(storage, dB): the smallest way to store the weights that costs the worst output less than `COST_DECIBELS`, and what it
+    costs; the network is left as it is then stored."""
     before = mean_errors(one, scenes, at_most)
-    graph.rounded(one.network)
-    after = mean_errors(one, scenes, at_most)
-    return max(10 * math.log10(after[name] / before[name]) for name in before)
+    for storage in ("bytes", "halves"):
+        graph.rounded(fresh(), storage)
+        after = mean_errors(one, scenes, at_most)
+        cost = max(10 * math.log10(after[name] / before[name]) for name in before)
+        print(f"{one.network_name}: weights as {storage} cost {cost:+.4f} dB", flush=True)
+        if cost < COST_DECIBELS:
+            return storage, cost
+    fresh()
+    return "floats", 0.0
 
 
 def written(asked, network, trained):
@@ -98,12 +105,8 @@ def written(asked, network, trained):
     fresh = lambda: checkpoint.warmed(trained.network, file).eval()
     fresh()
     scenes = Scenes(asked.val, trained.needs, asked.variant == "noisy", asked.variant == "oss")
-    cost = cost_decibels(trained, scenes, asked.scenes)
-    half = cost < COST_DECIBELS
-    if not half:
-        fresh()
-    model = graph.exported(trained, half)
-    print(f"{network} {asked.variant}: halves cost {cost:+.4f} dB, {'kept' if half else 'so floats are kept'}")
+    storage, cost = smallest(trained, fresh, scenes, asked.scenes)
+    model = graph.exported(trained, storage)
     apart = difference(trained, model)
     data, count, sizes = data_hash(asked.data, kept["shards"])
     content = model.SerializeToString()
@@ -116,7 +119,7 @@ def written(asked, network, trained):
     facts |= {"card": f"cards/paper-{network}-{asked.variant}.md", "command": kept["command"], "data": data}
     manifest.written(folder / "manifest.toml", facts, trained.given, trained.outputs)
     training = {"scenes": count, "sizes": sizes, "shards": len(kept["shards"]), "samples": kept["samples"]}
-    training |= {"minutes": kept["seconds"] / 60, "seed": kept["seed"], "half": half, "cost": cost, "apart": apart}
+    training |= {"minutes": kept["seconds"] / 60, "seed": kept["seed"], "storage": storage, "cost": cost, "apart": apart}
     card.written(folder, facts, trained, training, asked.run)
     costs = f"{facts['parameters'] / 1e6:.2f} M parameters, {facts['gflop_256']} GFLOP at 256²"
     print(f"  {name}.onnx: {len(content) / 1e6:.1f} MB, {costs}")

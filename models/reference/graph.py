@@ -1,5 +1,8 @@
-"""A network as an ONNX graph: opset 17, any height and width in steps of 32, named inputs and outputs, weights in half
-precision that the graph widens."""
+"""A network as an ONNX graph: opset 17, any height and width in steps of 32, named inputs and outputs, weights stored small
+and widened by the graph itself.
+
+Weights are stored as `bytes` (signed, one scale an output channel), `halves` or `floats`; biases and small arrays as floats.
+"""
 
 import io
 
@@ -25,7 +28,7 @@ class Named(torch.nn.Module):
         return self.network(torch.cat(given, 1))
 
 
-def exported(stage, half):
+def exported(stage, storage):
     """The stage's network as a checked ONNX model, each weight under its own name."""
     given = tuple(torch.rand(1, channels, 64, 64) for channels in stage.given.values())
     names = [*stage.given, *stage.outputs]
@@ -46,8 +49,8 @@ def exported(stage, half):
             output.type.tensor_type.shape.dim[axis].dim_param = name
     named(model.graph, stage.network)
     model.producer_name, model.producer_version = PRODUCER, ""
-    if half:
-        halved(model)
+    if storage != "floats":
+        packed(model.graph, storage)
     onnx.checker.check_model(model, full_check=True)
     return model
 
@@ -62,28 +65,54 @@ def named(graph, network):
     graph.initializer.extend(numpy_helper.from_array(value.numpy(), name) for name, value in network.state_dict().items())
 
 
-def halved(model):
-    """The model with its larger arrays in half precision, widened by a Cast each."""
-    weights, casts = [], []
-    for tensor in model.graph.initializer:
-        values = numpy_helper.to_array(tensor)
-        if values.dtype == np.float32 and values.size > FEWEST:
-            weights.append(numpy_helper.from_array(values.astype(np.float16), f"{tensor.name}.half"))
-            casts.append(helper.make_node("Cast", [f"{tensor.name}.half"], [tensor.name], to=TensorProto.FLOAT))
-        else:
+def packed(graph, storage):
+    """The graph with its larger arrays as `NAME.half`, or as `NAME.bytes` times `NAME.scale`, widened to NAME by its first nodes."""
+    outputs = {node.input[1]: 0 if node.op_type == "Conv" else 1 for node in graph.node if "Conv" in node.op_type}
+    weights, widening = [], []
+
+    def stored(values, name):
+        weights.append(numpy_helper.from_array(values, name))
+        return name
+
+    for tensor in [*graph.initializer]:
+        values, name = numpy_helper.to_array(tensor), tensor.name
+        if values.dtype != np.float32 or values.size <= FEWEST:
             weights.append(tensor)
-    nodes = [*model.graph.node]
-    for field, values in ((model.graph.initializer, weights), (model.graph.node, [*casts, *nodes])):
+        elif storage == "halves" or name not in outputs:
+            halves = stored(values.astype(np.float16), f"{name}.half")
+            widening.append(helper.make_node("Cast", [halves], [name], to=TensorProto.FLOAT))
+        else:
+            whole, scale = in_bytes(torch.from_numpy(values.copy()), outputs[name])
+            given = stored(whole.numpy(), f"{name}.bytes"), stored(scale.numpy(), f"{name}.scale")
+            widening.append(helper.make_node("Cast", [given[0]], [f"{name}.wide"], to=TensorProto.FLOAT))
+            widening.append(helper.make_node("Mul", [f"{name}.wide", given[1]], [name]))
+    nodes = [*graph.node]
+    for field, values in ((graph.initializer, weights), (graph.node, [*widening, *nodes])):
         del field[:]
         field.extend(values)
 
 
-def rounded(network):
-    """The network with the weights that `halved` stores: what the exported model is."""
+def in_bytes(values, axis):
+    """Signed bytes and the scale of each output channel, which lie along that axis."""
+    others = [other for other in range(values.dim()) if other != axis]
+    scale = values.abs().amax(others, keepdim=True).clamp(min=1e-12) / 127
+    return (values / scale).round().to(torch.int8), scale
+
+
+def rounded(network, storage):
+    """The network with the weights that `packed` stores: what the exported model is."""
+    if storage == "floats":
+        return network
     with torch.no_grad():
-        for weights in network.parameters():
-            if weights.numel() > FEWEST:
-                weights.copy_(weights.half().float())
+        for module in network.modules():
+            for name, values in module.named_parameters(recurse=False):
+                if values.numel() <= FEWEST:
+                    continue
+                if storage == "bytes" and name == "weight":
+                    whole, scale = in_bytes(values, 1 if isinstance(module, torch.nn.ConvTranspose2d) else 0)
+                    values.copy_(whole * scale)
+                else:
+                    values.copy_(values.half().float())
     return network
 
 
@@ -97,7 +126,7 @@ def billions(model, size=256):
     graph = shape_inference.infer_shapes(sized, data_prop=True).graph
     sides = lambda signal: [side.dim_value for side in signal.type.tensor_type.shape.dim]
     shapes = {signal.name: sides(signal) for signal in [*graph.value_info, *graph.input, *graph.output]}
-    sizes = {t.name.removesuffix(".half"): t.dims for t in graph.initializer}
+    sizes = {t.name.removesuffix(".half").removesuffix(".bytes"): t.dims for t in graph.initializer}
     total = 0
     for node in graph.node:
         if node.op_type in ("Conv", "ConvTranspose"):
