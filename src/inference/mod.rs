@@ -12,6 +12,7 @@ mod onnx;
 mod protobuf;
 mod runtime;
 mod session;
+mod sizes;
 
 pub use error::InferenceError;
 pub use library::{Found, LibraryError, Refused, fetch_folder, find, places as library_places};

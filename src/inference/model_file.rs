@@ -1,6 +1,6 @@
 //! A model's bytes: found, read once, and accepted or refused.
 
-use super::{InferenceError, Model, Settings, Signal, onnx};
+use super::{InferenceError, Model, Settings, Signal, onnx, sizes};
 use std::{
     fs::File,
     io::{ErrorKind, Read},
@@ -109,7 +109,7 @@ impl ModelFile {
             let sized = |signal: &Signal| (signal.name.clone(), signal.sides(size));
             signals.iter().map(sized).collect()
         };
-        onnx::with_sizes(
+        sizes::with_sizes(
             &self.bytes,
             &sides(&self.model.inputs),
             &sides(&self.model.outputs),

@@ -1,7 +1,7 @@
 //! `--tier` and what runs its networks: every way not to have a network is said in words, and the
 //! closed form goes on.
 
-use crate::{capturectl, names_in, recording};
+use crate::{capture::Capture, capturectl, names_in, recording};
 
 const LIGHT: [&str; 4] = ["--light", "0.6,0.5,0.62", "--out", "relit"];
 
@@ -48,9 +48,9 @@ fn tiers_that_make_no_sense_are_refused_by_name() {
 #[test]
 fn rows_of_networks_that_are_not_there_say_why() {
     let folder = tempfile::tempdir().unwrap();
-    let wall = recording("wall-720p.mcap");
+    Capture::GOOD.write(&folder.path().join("capture"));
     let report = |more: &[&str]| {
-        let words = ["eval", "--json", wall.to_str().unwrap()];
+        let words = ["eval", "--json", "capture"];
         let report = capturectl(folder.path(), &[&words, more].concat());
         report.succeeds().json()
     };
