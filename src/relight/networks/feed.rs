@@ -25,7 +25,7 @@ pub struct Photograph<'a> {
     pub intensity: f32,
 }
 
-/// Inputs of the networks, on their own grid of about 256 × 256 pixels.
+/// Inputs of the networks, on their own grid of about 128 × 128 pixels.
 #[derive(Debug, Clone)]
 pub struct Feed {
     /// Lens of the grid.
@@ -44,7 +44,7 @@ pub struct Feed {
 }
 
 impl Feed {
-    /// Brings a photograph onto the networks' grid; a square one of 256 × 256 is there already.
+    /// Brings a photograph onto the networks' grid; a square one of 128 × 128 is there already.
     ///
     /// # Panics
     /// When a plane is empty: a bug of the caller.
@@ -161,20 +161,20 @@ mod tests {
 
     fn lens() -> Intrinsics {
         Intrinsics {
-            width: 256,
-            height: 256,
-            fx: 128.0,
-            fy: 128.0,
-            cx: 127.5,
-            cy: 127.5,
+            width: 128,
+            height: 128,
+            fx: 64.0,
+            fy: 64.0,
+            cx: 63.5,
+            cy: 63.5,
             distortion: Distortion::None {},
         }
     }
 
     fn feed(light: f32, depth: impl Fn(usize, usize) -> f32) -> Feed {
         Feed::new(&Photograph {
-            light: &LinearImage(Plane::filled(256, 256, [light; 3])),
-            depth_metres: &Plane::from_fn(256, 256, depth),
+            light: &LinearImage(Plane::filled(128, 128, [light; 3])),
+            depth_metres: &Plane::from_fn(128, 128, depth),
             mask: None,
             camera: &lens(),
             intensity: 4.0,
@@ -196,11 +196,11 @@ mod tests {
     fn nearness_runs_from_one_to_zero_and_unknown_counts_as_far() {
         let step = feed(1.0, |x, y| match (x, y) {
             (0, 0) => f32::NAN,
-            (x, _) if x < 128 => 1.0,
+            (x, _) if x < 64 => 1.0,
             _ => 3.0,
         });
         let near = step.near.channel(0);
-        assert_eq!([near[0], near[1], near[200]], [0.0, 1.0, 0.0]);
+        assert_eq!([near[0], near[1], near[100]], [0.0, 1.0, 0.0]);
         assert_eq!(
             [step.mask.channel(0)[0], step.mask.channel(0)[1]],
             [0.0, 1.0]
@@ -210,10 +210,10 @@ mod tests {
 
     #[test]
     fn clouds_fill_the_unit_cube_about_their_middle() {
-        // A wall at 2 m: x and y reach ±127.5/128 · 2, z is flat.
+        // A wall at 2 m: x and y reach ±63.5/64 · 2, z is flat.
         let wall = feed(1.0, |_, _| 2.0);
-        let at = |axis: usize, x: usize, y: usize| wall.cloud.channel(axis)[y * 256 + x];
-        assert!((at(0, 255, 0) - 1.0).abs() < 1e-6 && (at(0, 0, 0) + 1.0).abs() < 1e-6);
+        let at = |axis: usize, x: usize, y: usize| wall.cloud.channel(axis)[y * 128 + x];
+        assert!((at(0, 127, 0) - 1.0).abs() < 1e-6 && (at(0, 0, 0) + 1.0).abs() < 1e-6);
         // Row 0 is up.
         assert!((at(1, 0, 0) - 1.0).abs() < 1e-6 && at(2, 3, 3).abs() < 1e-6);
         let nowhere = feed(1.0, |_, _| f32::NAN);
@@ -223,13 +223,13 @@ mod tests {
     #[test]
     fn what_does_not_count_is_unknown_and_another_grid_of_depth_will_do() {
         let fed = Feed::new(&Photograph {
-            light: &LinearImage(Plane::filled(256, 256, [1.0; 3])),
-            depth_metres: &Plane::from_fn(512, 512, |x, _| if x < 256 { 2.0 } else { 9.0 }),
+            light: &LinearImage(Plane::filled(128, 128, [1.0; 3])),
+            depth_metres: &Plane::from_fn(256, 256, |x, _| if x < 128 { 2.0 } else { 9.0 }),
             mask: Some(&Plane::from_fn(2, 1, |x, _| x == 0)),
             camera: &lens(),
             intensity: 4.0,
         });
         let at = |x: usize| [fed.mask.channel(0)[x], fed.flash.channel(2)[x]];
-        assert_eq!([at(127), at(128)], [[1.0, 1.0], [0.0, 0.0]]);
+        assert_eq!([at(63), at(64)], [[1.0, 1.0], [0.0, 0.0]]);
     }
 }
