@@ -53,9 +53,9 @@ fn main() {
 /// Runs this program once per line.
 fn table(manifest: &Manifest, settings: &Settings) {
     println!(
-        "| network | backend | threads | load ms | median ms | best ms | GFLOP/s | peak MiB |"
+        "| network | backend | threads | load ms | median ms | best ms | CPU ms | GFLOP/s | peak MiB |"
     );
-    println!("|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|");
     let library = find(settings).ok().map(|found| found.path);
     if library.is_none() {
         println!("| – | ONNX Runtime: its library was not found | | | | | | | |");
