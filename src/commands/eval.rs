@@ -22,6 +22,8 @@ use std::path::PathBuf;
 const OWN_ROWS: u8 = 3;
 /// Why the rows of networks are missing under `--no-networks`.
 const LEFT_OUT: &str = "left out (--no-networks)";
+/// Why a row's network is missing where no weights of it come with the program.
+const NOT_SHIPPED: &str = "models/manifest.toml lists no weights of it";
 /// Longest name of a row, letters.
 const NAME_LETTERS: usize = 40;
 
@@ -184,7 +186,10 @@ fn fill_networks(roster: &mut Roster, settings: &Settings) -> Option<String> {
     let mut warning = None;
     for (number, name, loaded) in networks(settings) {
         let filled = loaded
-            .map_err(|error| error.to_string())
+            .map_err(|error| match error {
+                InferenceError::NotListed { .. } => NOT_SHIPPED.to_owned(),
+                other => other.to_string(),
+            })
             .and_then(|method| {
                 let runtime =
                     inference::Runtime::start(settings).map_err(|error| error.to_string())?;

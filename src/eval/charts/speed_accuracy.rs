@@ -74,9 +74,10 @@ impl<'a> SpeedAccuracy<'a> {
         if self.points.is_empty() {
             return ((-1, 2), (0.0, 40.0));
         }
+        // A label stands right of its dot.
         let decades = (
             fastest.floor() as i32,
-            (slowest.ceil() as i32).max(fastest.floor() as i32 + 1),
+            ((slowest + 0.25).ceil() as i32).max(fastest.floor() as i32 + 1),
         );
         (
             (decades.0, decades.1),
