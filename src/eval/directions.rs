@@ -267,7 +267,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_direction_lies_inside_the_cell_it_falls_into(z in 0.001_f64..0.999, turn in 0.0_f64..6.28) {
+        fn a_direction_lies_inside_the_cell_it_falls_into(z in 0.001_f64..0.999, turn in 0.0_f64..std::f64::consts::TAU) {
             let across = (1.0 - z * z).sqrt();
             let direction = [across * turn.cos(), across * turn.sin(), z].map(|v| v as f32);
             for dome in [Dome(FINE), Dome(COARSE)] {

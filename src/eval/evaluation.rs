@@ -95,7 +95,7 @@ pub enum EvalError {
         /// Label and name of the row.
         row: String,
         /// The cause.
-        source: MethodError,
+        source: Box<MethodError>,
     },
 }
 
@@ -104,7 +104,7 @@ impl EvalError {
         Self::Method {
             capture: capture.to_owned(),
             row: format!("{} {}", row.label, row.name),
-            source,
+            source: Box::new(source),
         }
     }
 }
