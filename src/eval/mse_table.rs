@@ -6,7 +6,7 @@ use super::report::Report;
 use super::summary::{Figures, RowFigures};
 use std::fmt::{Formatter, Result, Write as _};
 
-const NAME: usize = 41;
+const NAME: usize = 44;
 /// Width of one number.
 const CELL: usize = 6;
 

@@ -43,7 +43,7 @@ fn json(name: &str, content: &impl Serialize) -> Result<Vec<u8>, ChartError> {
 /// Captures whose details are printed; of more, only the table is.
 const DETAILED_CAPTURES: usize = 12;
 
-const NAME: usize = 40;
+const NAME: usize = 44;
 
 impl std::fmt::Display for Report {
     fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
