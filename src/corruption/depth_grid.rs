@@ -57,7 +57,7 @@ pub(super) fn reflectance(shot: &Shot) -> Plane<f32> {
     let metres = &shot.depth.metres;
     let (width, height) = metres.size();
     let Some(amplitude) = &shot.depth.amplitude else {
-        return metres.map(|z| z / z);
+        return metres.map(|z| if z.is_finite() { 1.0 } else { f32::NAN });
     };
     let sent = Plane::from_fn(width, height, |x, y| {
         amplitude[(x, y)] * metres[(x, y)].powi(2)

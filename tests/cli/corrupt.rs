@@ -41,7 +41,8 @@ fn every_corruption_writes_a_folder_that_reads_back() {
         worse.shot.flash.pixels.size(),
         clean.shot.flash.pixels.size()
     );
-    assert_eq!(worse.shot.depth.metres.size(), (32, 24));
+    // A third a side, rounded down: low-depth-resolution:2.
+    assert_eq!(worse.shot.depth.metres.size(), (21, 16));
     assert!(worse.truth.is_none());
 }
 
