@@ -212,7 +212,6 @@ fn the_damage_of_all_eighteen_grows_with_severity() {
                 damage(&clean, &worse)
             };
             let damages: Vec<f64> = (0..=MOST_SEVERE).map(at).collect();
-            println!("{:<20} room {room:?}: {damages:.4?}", corruption.name);
             assert_eq!(damages[0], 0.0, "{}", corruption.name);
             assert!(
                 damages.windows(2).all(|pair| pair[1] > pair[0]),
