@@ -4,6 +4,7 @@ use super::client::ClientError;
 use crate::{
     api::{Fault, FaultKind, LightError},
     config::ConfigError,
+    corruption::CorruptionError,
     eval::{EvalError, ReportError},
     folder::{FolderError, ImageError},
     inference::InferenceError,
@@ -58,6 +59,8 @@ pub enum CommandError {
     #[error(transparent)]
     Response(#[from] ResponseError),
     #[error(transparent)]
+    Corruption(#[from] CorruptionError),
+    #[error(transparent)]
     Eval(#[from] EvalError),
     #[error(transparent)]
     Report(#[from] ReportError),
@@ -91,6 +94,7 @@ impl CommandError {
             | Self::Image(_)
             | Self::Inference(_)
             | Self::Response(_)
+            | Self::Corruption(_)
             | Self::Eval(_) => FaultKind::Input,
             Self::Result(_) | Self::Report(_) | Self::Unwritten(_) | Self::Commit(_) => {
                 FaultKind::Output

@@ -7,6 +7,7 @@ mod answer;
 mod calibrate;
 mod check_device;
 mod client;
+mod corrupt;
 mod error;
 mod eval;
 mod import;
@@ -80,6 +81,8 @@ pub enum Command {
     CheckDevice(check_device::CheckDevice),
     /// Relight captures that have truth, and measure the error.
     Eval(eval::Eval),
+    /// Make a capture worse on purpose, in one or more of eighteen ways.
+    Corrupt(corrupt::Corrupt),
     /// Say what runs the networks of --tier paper, or how to get a faster one.
     #[command(subcommand)]
     Runtime(runtime::Runtime),
@@ -104,6 +107,7 @@ impl CommandLine {
             Command::Devices => check_device::list(),
             Command::CheckDevice(check) => check.run(),
             Command::Eval(eval) => eval.run(&config),
+            Command::Corrupt(corrupt) => corrupt.run(&config),
             Command::Runtime(runtime) => runtime.run(&config),
             Command::Calibrate(calibrate) => calibrate.run(),
         }

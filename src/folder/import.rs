@@ -148,17 +148,28 @@ fn record(
 
 /// Copies the regular files of a truth folder.
 fn copy_truth(from: &Path, to: &Path) -> Result<(), FolderError> {
+    let mut staging = Staging::begin(&Disk, to, Existing::Refuse, |_| false)?;
+    put_truth(&mut staging, from, "")?;
+    Ok(staging.commit()?)
+}
+
+/// Puts the regular files of a truth folder into one being written, their names after `before`.
+pub(super) fn put_truth(
+    staging: &mut Staging<'_>,
+    from: &Path,
+    before: &str,
+) -> Result<(), FolderError> {
     let io = |path: &Path| {
         let path = path.to_path_buf();
         move |source| FolderError::Io { path, source }
     };
-    let mut staging = Staging::begin(&Disk, to, Existing::Refuse, |_| false)?;
     for name in Disk.list(from).map_err(io(from))?.unwrap_or_default() {
         let path = from.join(&name);
         let metadata = path.metadata().map_err(io(&path))?;
         if metadata.is_file() && metadata.len() <= MAX_TRUTH_BYTES {
-            staging.put(&name, &std::fs::read(&path).map_err(io(&path))?)?;
+            let bytes = std::fs::read(&path).map_err(io(&path))?;
+            staging.put(&format!("{before}{name}"), &bytes)?;
         }
     }
-    Ok(staging.commit()?)
+    Ok(())
 }

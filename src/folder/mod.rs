@@ -14,7 +14,7 @@ pub use decode::{Decoded, ImageError, ImageKind, Limits, Samples, decode_limited
 pub use error::FolderError;
 pub use import::{Imported, import, mask_beside, read_mask_beside, truth_beside};
 pub use truth::{Truth, TruthLight, read_truth};
-pub use write::{write, write_on};
+pub use write::{write, write_on, write_with_truth};
 
 use self::toml::{CaptureToml, Declared};
 use crate::shot::Shot;

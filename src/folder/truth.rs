@@ -123,6 +123,14 @@ impl Truth {
         self.metres(self.registered_depth.as_deref())
     }
 
+    /// True where a PNG depth counts in steps other than a millimetre, which only `[depth]` of the
+    /// folder it lies in can say.
+    pub fn has_depth_in_other_steps(&self) -> bool {
+        let png = |path: &PathBuf| path.extension().is_some_and(|kind| kind == "png");
+        let depths = [&self.depth, &self.registered_depth];
+        depths.into_iter().flatten().any(png) && self.depth_unit_metres != toml::millimetre()
+    }
+
     fn metres(&self, path: Option<&Path>) -> Result<Option<Plane<f32>>, FolderError> {
         path.map(|path| images::depth(path, self.size, self.depth_unit_metres))
             .transpose()

@@ -28,6 +28,14 @@ pub fn write(dir: &Path, shot: &Shot) -> Result<Vec<String>, FolderError> {
     write_on(&Disk, dir, shot)
 }
 
+/// [`write()`], with the files of a truth folder copied into `truth/`.
+///
+/// # Errors
+/// As [`write()`]; [`FolderError::Io`] for a file of the truth that cannot be read.
+pub fn write_with_truth(dir: &Path, shot: &Shot, truth: &Path) -> Result<Vec<String>, FolderError> {
+    write_all(&Disk, dir, shot, Some(truth))
+}
+
 /// [`write()`] on a file system of choice.
 ///
 /// # Errors
@@ -36,6 +44,15 @@ pub fn write_on(
     disk: &dyn FileSystem,
     dir: &Path,
     shot: &Shot,
+) -> Result<Vec<String>, FolderError> {
+    write_all(disk, dir, shot, None)
+}
+
+fn write_all(
+    disk: &dyn FileSystem,
+    dir: &Path,
+    shot: &Shot,
+    truth: Option<&Path>,
 ) -> Result<Vec<String>, FolderError> {
     let unwritable = |part: &str, problem: String| FolderError::Unwritable {
         path: dir.into(),
@@ -103,6 +120,10 @@ pub fn write_on(
     }
     if let Some(mask) = &shot.mask {
         staging.put("mask.png", &png::mask(mask).map_err(encoding("mask"))?)?;
+    }
+    if let Some(truth) = truth {
+        staging.folder("truth")?;
+        super::import::put_truth(&mut staging, truth, "truth/")?;
     }
     staging.commit()?;
     Ok(losses)

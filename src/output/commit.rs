@@ -220,6 +220,7 @@ pub struct Staging<'a> {
     target: PathBuf,
     arrival: Arrival,
     files: Vec<FileEntry>,
+    folders: Vec<PathBuf>,
     finished: bool,
 }
 
@@ -288,6 +289,7 @@ impl<'a> Staging<'a> {
                         target: resolved,
                         arrival,
                         files: Vec::new(),
+                        folders: Vec::new(),
                         finished: false,
                     });
                 }
@@ -307,6 +309,19 @@ impl<'a> Staging<'a> {
             action: "find a free .partial- name in it",
             source: io::ErrorKind::AlreadyExists.into(),
         })
+    }
+
+    /// Makes a folder inside, for files named `folder/file`.
+    ///
+    /// # Errors
+    /// [`CommitError::Io`] naming the folder as it would have been called.
+    pub fn folder(&mut self, name: &str) -> Result<(), CommitError> {
+        let folder = self.partial.join(name);
+        self.disk
+            .create_dir(&folder)
+            .map_err(|source| CommitError::unwritten(&self.target.join(name), source))?;
+        self.folders.push(folder);
+        Ok(())
     }
 
     /// Writes and syncs one file.
@@ -349,9 +364,9 @@ impl<'a> Staging<'a> {
                 },
             }
         };
-        self.disk
-            .sync_dir(&self.partial)
-            .map_err(io("sync its entries"))?;
+        for folder in self.folders.iter().chain([&self.partial]) {
+            self.disk.sync_dir(folder).map_err(io("sync its entries"))?;
+        }
         match self.arrival {
             Arrival::Free => self.disk.rename_new(&self.partial, &self.target),
             Arrival::OverEmpty => self.disk.rename_over_empty(&self.partial, &self.target),

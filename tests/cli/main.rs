@@ -3,6 +3,7 @@
 mod answers;
 mod bad_input;
 mod capture;
+mod corrupt;
 mod full_disk;
 mod json;
 mod lamps;
