@@ -11,6 +11,7 @@ pub mod contract;
 pub mod device;
 pub mod flaky;
 pub mod frame;
+mod jpeg;
 pub mod open;
 pub mod plane;
 pub mod recording;
@@ -23,5 +24,6 @@ pub use frame::{
     BayerPattern, ColorFrame, DepthFrame, Exposure, Frame, Illumination, Pixels, Timestamp,
     Transfer,
 };
+pub use jpeg::jpeg;
 pub use open::{list, open};
 pub use plane::{Plane, SizeMismatch};

@@ -6,8 +6,7 @@ use super::{
     photographs::{Light, Photographs, brightest},
 };
 use crate::{radiometry::transfer::srgb_encode, shot::Shot};
-use drivers::{ColorFrame, Exposure, Pixels, Transfer, chance::Chance};
-use image::{ExtendedColorType, codecs::jpeg::JpegEncoder};
+use drivers::{ColorFrame, Exposure, Pixels, Transfer, chance::Chance, jpeg};
 
 /// Share of the pixels of the flash photograph that reach white: glints.
 const CLIPPED_PERCENT: f32 = 0.1;
@@ -23,7 +22,7 @@ pub(super) fn on_shot(shot: &Shot, quality: f32, _: Chance) -> Result<Shot, Corr
     let stored = |frame: &ColorFrame, light: &Light| {
         let (width, height) = light.size();
         let bytes = light.map(|rgb| rgb.map(|value| code(value / white)));
-        Ok::<_, CorruptionError>(ColorFrame {
+        ColorFrame {
             exposure: Exposure {
                 gain: 1.0 / (white * frame.exposure.seconds),
                 ..frame.exposure
@@ -31,24 +30,18 @@ pub(super) fn on_shot(shot: &Shot, quality: f32, _: Chance) -> Result<Shot, Corr
             pixels: Pixels::Mjpg {
                 width,
                 height,
-                bytes: jpeg(
-                    bytes.samples().as_flattened(),
-                    (width, height),
-                    quality as u8,
-                )?,
+                bytes: jpeg(&bytes, quality as u8),
             },
             transfer: Transfer::Srgb,
             black_level: 0.0,
             white_level: 1.0,
             ..frame.clone()
-        })
+        }
     };
     let ambient = shot.ambient.iter().zip(&light.ambient);
     Ok(Shot {
-        flash: stored(&shot.flash, &light.flash)?,
-        ambient: ambient
-            .map(|(frame, light)| stored(frame, light))
-            .collect::<Result<_, _>>()?,
+        flash: stored(&shot.flash, &light.flash),
+        ambient: ambient.map(|(frame, light)| stored(frame, light)).collect(),
         ..shot.clone()
     })
 }
@@ -59,16 +52,4 @@ fn code(light: f32) -> u8 {
         return 255;
     }
     (255.0 * srgb_encode(light.clamp(0.0, 1.0))).round() as u8
-}
-
-fn jpeg(
-    bytes: &[u8],
-    (width, height): (usize, usize),
-    quality: u8,
-) -> Result<Vec<u8>, CorruptionError> {
-    let mut file = Vec::new();
-    JpegEncoder::new_with_quality(&mut file, quality)
-        .encode(bytes, width as u32, height as u32, ExtendedColorType::Rgb8)
-        .map_err(|error| CorruptionError::Jpeg(error.to_string()))?;
-    Ok(file)
 }

@@ -38,9 +38,6 @@ pub enum CorruptionError {
         /// Which one.
         photograph: &'static str,
     },
-    /// A photograph that could not be stored as JPEG.
-    #[error("the photograph cannot be stored as JPEG: {0}; its sides may have up to 65535 pixels")]
-    Jpeg(String),
     /// A photograph that cannot be read.
     #[error(transparent)]
     Radiometry(#[from] RadiometryError),
@@ -81,7 +78,7 @@ impl Corruption {
     /// # Errors
     /// [`CorruptionError::Severity`] above [`MOST_SEVERE`]; [`CorruptionError::NoDepth`],
     /// [`CorruptionError::NoLight`] and [`CorruptionError::Radiometry`] for a shot without what is
-    /// to be spoiled; [`CorruptionError::Jpeg`] for photographs JPEG cannot hold.
+    /// to be spoiled.
     pub fn on_shot(&self, shot: &Shot, severity: u8, seed: u64) -> Result<Shot, CorruptionError> {
         let Some(step) = severity.checked_sub(1) else {
             return Ok(shot.clone());

@@ -56,7 +56,7 @@ fn rows_of_networks_that_are_not_there_say_why() {
     };
     for (more, reason) in [
         (&["--no-networks"][..], "--no-networks"),
-        (&["--models", "/nonexistent/models"], "models/"),
+        (&["--models", "/nonexistent/models"], "models"),
     ] {
         let report = report(more);
         let rows = report["rows"].as_array().unwrap();

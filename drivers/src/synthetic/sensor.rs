@@ -3,6 +3,7 @@
 use crate::{
     chance::Chance,
     frame::{BayerPattern, Pixels, Transfer},
+    jpeg::jpeg,
     plane::Plane,
 };
 
@@ -103,7 +104,7 @@ pub(super) fn pack(light: &Plane<[f32; 3]>, kind: PixelKind) -> Pixels {
         PixelKind::Mjpg => Pixels::Mjpg {
             width,
             height,
-            bytes: jpeg(&bytes(&encoded())),
+            bytes: jpeg(&bytes(&encoded()), 92),
         },
     }
 }
@@ -172,21 +173,4 @@ fn nv12(encoded: &Plane<[f32; 3]>) -> Vec<u8> {
         }
     }
     packed
-}
-
-fn jpeg(picture: &Plane<[u8; 3]>) -> Vec<u8> {
-    let mut file = Vec::new();
-    let (width, height) = picture.size();
-    // Writing to memory cannot fail for sizes that admission allows; an empty file would be
-    // refused at the door.
-    let written = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut file, 92).encode(
-        picture.samples().as_flattened(),
-        width as u32,
-        height as u32,
-        image::ExtendedColorType::Rgb8,
-    );
-    if written.is_err() {
-        file.clear();
-    }
-    file
 }
