@@ -1,5 +1,6 @@
 #!/bin/sh
-# Renders the unified set into a folder, or what is missing of it: about three CPU-hours, 12 GB. Run it again to go on.
+# Renders the unified set into a folder, or what is missing of it: about three CPU-hours, 8 GB. Needs what
+# `setup.sh assets` installs. Run it again to go on.
 set -eu
 data=$1
 jobs=${2:-2}
