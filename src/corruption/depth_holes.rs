@@ -3,7 +3,7 @@
 use super::{
     CorruptionError,
     depth_grid::{metres, scale, with_metres},
-    field::{field, upper},
+    field::patches,
 };
 use crate::shot::Shot;
 use drivers::{Plane, chance::Chance};
@@ -15,12 +15,9 @@ const PATCH_PIXELS: f32 = 16.0;
 pub(super) fn on_shot(shot: &Shot, percent: f32, chance: Chance) -> Result<Shot, CorruptionError> {
     let clean = metres(shot)?;
     let (width, height) = clean.size();
-    let field = field(clean.size(), PATCH_PIXELS * scale(clean.size()), chance);
-    let answered = field.samples().iter().zip(clean.samples());
-    let answered = answered.filter_map(|(value, z)| z.is_finite().then_some(*value));
-    let least = upper(answered, percent).unwrap_or(f32::INFINITY);
+    let hole = patches(clean, percent, PATCH_PIXELS * scale(clean.size()), chance);
     let holed = Plane::from_fn(width, height, |x, y| {
-        if field[(x, y)] >= least {
+        if hole[(x, y)] {
             f32::NAN
         } else {
             clean[(x, y)]

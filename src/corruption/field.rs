@@ -1,4 +1,4 @@
-//! Random fields that vary smoothly over a picture, and the value that parts off a share of it.
+//! Random fields that vary smoothly over a picture, and what parts off a share of it.
 
 use drivers::{Plane, chance::Chance};
 
@@ -33,6 +33,20 @@ pub(super) fn upper(values: impl Iterator<Item = f32>, percent: f32) -> Option<f
     let above = (values.len() as f32 * percent / 100.0).round() as usize;
     let place = values.len().saturating_sub(above).min(most);
     Some(*values.select_nth_unstable_by(place, f32::total_cmp).1)
+}
+
+/// Patches about `cell_pixels` wide over `percent` of the known samples of a plane.
+pub(super) fn patches(
+    plane: &Plane<f32>,
+    percent: f32,
+    cell_pixels: f32,
+    chance: Chance,
+) -> Plane<bool> {
+    let field = field(plane.size(), cell_pixels, chance);
+    let known = field.samples().iter().zip(plane.samples());
+    let known = known.filter_map(|(value, sample)| sample.is_finite().then_some(*value));
+    let least = upper(known, percent).unwrap_or(f32::INFINITY);
+    field.map(|value| *value >= least)
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use super::{
     CorruptionError,
     depth_grid::{metres, scale, with_metres},
-    field::{field, upper},
+    field::patches,
 };
 use crate::shot::Shot;
 use drivers::{Plane, chance::Chance};
@@ -19,12 +19,9 @@ const LEFT: f32 = 0.3;
 pub(super) fn on_shot(shot: &Shot, percent: f32, chance: Chance) -> Result<Shot, CorruptionError> {
     let clean = metres(shot)?;
     let (width, height) = clean.size();
-    let field = field(clean.size(), PATCH_PIXELS * scale(clean.size()), chance);
-    let answered = field.samples().iter().zip(clean.samples());
-    let answered = answered.filter_map(|(value, z)| z.is_finite().then_some(*value));
-    let least = upper(answered, percent).unwrap_or(f32::INFINITY);
+    let mirror = patches(clean, percent, PATCH_PIXELS * scale(clean.size()), chance);
     let mirrored = Plane::from_fn(width, height, |x, y| {
-        if field[(x, y)] >= least {
+        if mirror[(x, y)] {
             clean[(x, y)] + clean[(width - 1 - x, y)]
         } else {
             clean[(x, y)]
@@ -32,8 +29,8 @@ pub(super) fn on_shot(shot: &Shot, percent: f32, chance: Chance) -> Result<Shot,
     });
     let mut worse = with_metres(shot, mirrored);
     if let Some(amplitude) = &mut worse.depth.amplitude {
-        for (amplitude, value) in amplitude.samples_mut().iter_mut().zip(field.samples()) {
-            if *value >= least {
+        for (amplitude, mirror) in amplitude.samples_mut().iter_mut().zip(mirror.samples()) {
+            if *mirror {
                 *amplitude *= LEFT;
             }
         }

@@ -222,15 +222,9 @@ fn dimension(message: &[u8]) -> Result<Option<u64>, OnnxError> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::protobuf::{put_bytes, put_number};
+    use super::super::protobuf::{message, put_number};
     use super::*;
     use proptest::prelude::*;
-
-    fn message(field: u32, inner: &[u8]) -> Vec<u8> {
-        let mut out = vec![];
-        put_bytes(&mut out, field, inner);
-        out
-    }
 
     /// A tensor whose data_location says EXTERNAL.
     fn outside() -> Vec<u8> {

@@ -135,6 +135,14 @@ fn put_varint(out: &mut Vec<u8>, mut value: u64) {
     out.push(value as u8);
 }
 
+/// One field of bytes by itself: what tests build models of.
+#[cfg(test)]
+pub(super) fn message(field: u32, inner: &[u8]) -> Vec<u8> {
+    let mut out = vec![];
+    put_bytes(&mut out, field, inner);
+    out
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

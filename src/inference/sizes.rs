@@ -59,13 +59,7 @@ fn sized(name: &str, dimensions: &[u64]) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::inference::inspect;
-
-    fn message(field: u32, inner: &[u8]) -> Vec<u8> {
-        let mut out = vec![];
-        put_bytes(&mut out, field, inner);
-        out
-    }
+    use crate::inference::{inspect, protobuf::message};
 
     #[test]
     fn sizes_are_written_in_and_read_back() {
