@@ -14,7 +14,7 @@ use captured::{
     radiometry::{LinearImage, NoiseModel, linearise, subtract_linear_into},
     registration::{RegisteredDepth, RigMaps, Scratch, register_into},
     relight::{
-        Environment, Indirect, Lamp, Prepared, RelightOptions, Shadows,
+        Environment, Indirect, Lamp, Preparation, Prepared, RelightOptions, Shadows,
         visibility::{Answers, Occluders, sweep},
     },
 };
@@ -89,7 +89,7 @@ fn main() {
 fn lights() {
     for (width, height, target) in [(512, 512, 3.0), (1920, 1080, 15.0)] {
         let scene = world::scene(width, height);
-        let prepared = Prepared::new(&scene);
+        let prepared = Prepared::new(&scene, Preparation::default());
         // Per pixel: normal, albedo, roughness and slab in; light and shadow out.
         let bytes = width * height * (12 + 12 + 4 + 8 + 12 + 4);
         let mut light = Plane::filled(width, height, [0.0; 3]);
@@ -124,7 +124,7 @@ fn lights() {
             bytes,
             None,
             || {
-                black_box(Prepared::new(&scene));
+                black_box(Prepared::new(&scene, Preparation::default()));
             },
         );
     }
@@ -132,7 +132,7 @@ fn lights() {
 
 fn environments() {
     let scene = world::scene(512, 512);
-    let prepared = Prepared::new(&scene);
+    let prepared = Prepared::new(&scene, Preparation::default());
     let pixels = 512 * 512;
     line(
         "visibility map, 32 azimuths × 8 rings, 512²",

@@ -3,19 +3,20 @@
 //! The callers know the time; this room does not: it only says which stage begins.
 
 mod development;
+mod working_grid;
 
 pub use development::Development;
 
 use crate::{
     radiometry::{self, FlashOnly, LinearImage, RadiometryError, SubtractOptions},
-    registration::{self, RegistrationError, RigMaps},
-    relight::{Prepared, enlarge::Mix},
+    registration::{self, RegisteredDepth, RegistrationError, RigMaps},
+    relight::{Preparation, Prepared, enlarge::Mix},
     scene::{self, Scene, SceneError, SceneOptions},
     shot::Shot,
 };
-use drivers::{DepthFrame, Plane, Rig};
-use rayon::prelude::*;
+use drivers::Plane;
 use thiserror::Error;
+use working_grid::{reduce, reduction, working_rig};
 
 /// The stages of [`develop`], in order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize)]
@@ -58,6 +59,8 @@ pub struct Options {
     pub subtract: SubtractOptions,
     /// Surfaces.
     pub scene: SceneOptions,
+    /// What the scene is made ready for.
+    pub prepare: Preparation,
     /// Surfaces are worked out on at most this many pixels; larger photographs are reduced by a
     /// whole factor and their relit pictures enlarged again.
     pub working_pixels: usize,
@@ -68,6 +71,7 @@ impl Default for Options {
         Self {
             subtract: SubtractOptions::default(),
             scene: SceneOptions::default(),
+            prepare: Preparation::default(),
             // A little over 1080p: finer than any ToF camera by an order of magnitude.
             working_pixels: 2_100_000,
         }
@@ -98,12 +102,64 @@ pub fn develop(
 ) -> Result<Development, DevelopError> {
     begins(Stage::Radiometry);
     let flash_only = radiometry::subtract(&shot.flash, &shot.ambient, &options.subtract)?;
+    develop_light(shot, flash_only, options, begins)
+}
+
+/// [`develop`] from the light of the flash alone on: `flash_only` is that of the shot.
+///
+/// # Errors
+/// As [`develop`].
+pub fn develop_light(
+    shot: &Shot,
+    flash_only: FlashOnly,
+    options: &Options,
+    begins: &mut dyn FnMut(Stage),
+) -> Result<Development, DevelopError> {
+    let Working {
+        light,
+        registered,
+        scene,
+        prepared,
+    } = work_out(shot, &flash_only, options, begins)?;
+    Ok(Development {
+        flash_only,
+        working_light: light,
+        registered,
+        scene,
+        prepared,
+    })
+}
+
+/// What is worked out on the working grid.
+#[derive(Debug, Clone)]
+pub struct Working {
+    /// The light of the flash alone; `None` where the working grid is the photograph's own.
+    pub light: Option<LinearImage>,
+    /// Depth.
+    pub registered: RegisteredDepth,
+    /// Surfaces.
+    pub scene: Scene,
+    /// The scene made ready for lights.
+    pub prepared: Prepared,
+}
+
+/// The stages after the first: depth, surfaces and what lights need, on at most
+/// `options.working_pixels` pixels.
+///
+/// # Errors
+/// As [`develop`].
+pub fn work_out(
+    shot: &Shot,
+    flash_only: &FlashOnly,
+    options: &Options,
+    begins: &mut dyn FnMut(Stage),
+) -> Result<Working, DevelopError> {
     let factor = reduction(flash_only.light.0.len(), options.working_pixels);
-    let reduced = (factor > 1).then(|| reduce(&flash_only, factor));
+    let reduced = (factor > 1).then(|| reduce(flash_only, factor));
 
     begins(Stage::Registration);
     let (light, rig, depth) = match &reduced {
-        None => (&flash_only, shot.rig, None),
+        None => (flash_only, shot.rig, None),
         Some(light) => {
             let (rig, depth) = working_rig(shot, light.light.0.size());
             (light, rig, depth)
@@ -120,11 +176,9 @@ pub fn develop(
     }
 
     begins(Stage::Prepare);
-    let prepared = Prepared::new(&scene);
-    let working_light = reduced.map(|reduced| reduced.light);
-    Ok(Development {
-        flash_only,
-        working_light,
+    let prepared = Prepared::new(&scene, options.prepare);
+    Ok(Working {
+        light: reduced.map(|reduced| reduced.light),
         registered,
         scene,
         prepared,
@@ -143,81 +197,4 @@ fn leave_out(scene: &mut Scene, mask: &Plane<bool>) {
             }
         }
     }
-}
-
-/// The whole factor by which both sides shrink.
-fn reduction(pixels: usize, working_pixels: usize) -> usize {
-    let mut factor = 1;
-    while pixels / (factor * factor) > working_pixels.max(1) {
-        factor += 1;
-    }
-    factor
-}
-
-/// Means over squares of `factor` pixels; unknown pixels do not take part.
-fn reduce(light: &FlashOnly, factor: usize) -> FlashOnly {
-    let area = (factor * factor) as f32;
-    FlashOnly {
-        light: LinearImage(mean(&light.light.0, factor)),
-        // The mean of n independent samples varies n times less.
-        variance: mean(&light.variance, factor).map(|variance| variance / area),
-        report: light.report.clone(),
-    }
-}
-
-fn mean<T: Mix>(plane: &Plane<T>, factor: usize) -> Plane<T> {
-    let (width, height) = (
-        (plane.width() / factor).max(1),
-        (plane.height() / factor).max(1),
-    );
-    let samples = (0..width * height)
-        .into_par_iter()
-        .map_init(Vec::new, |known, index| {
-            let (left, top) = (index % width * factor, index / width * factor);
-            known.clear();
-            for y in top..(top + factor).min(plane.height()) {
-                let row = plane.row(y);
-                let end = (left + factor).min(row.len());
-                known.extend(
-                    row[left..end]
-                        .iter()
-                        .filter(|s| s.is_known())
-                        .map(|s| (1.0, *s)),
-                );
-            }
-            let share = 1.0 / known.len() as f32;
-            known.iter_mut().for_each(|(weight, _)| *weight = share);
-            // More than half unknown: a mean of the rest would be of something else.
-            if 2 * known.len() < factor * factor {
-                T::unknown()
-            } else {
-                T::mix(known)
-            }
-        })
-        .collect();
-    Plane::new(width, height, samples).expect("one sample per pixel")
-}
-
-/// The rig on a reduced grid; depth that lay on the color grid is thinned out with it.
-fn working_rig(shot: &Shot, (width, height): (usize, usize)) -> (Rig, Option<DepthFrame>) {
-    let mut rig = shot.rig;
-    rig.color = rig.color.scaled_to(width, height);
-    if rig.depth.is_some() {
-        return (rig, None);
-    }
-    let thin = |plane: &Plane<f32>| {
-        Plane::from_fn(width, height, |x, y| {
-            let at = |index: usize, small: usize, large: usize| {
-                ((2 * index + 1) * large / (2 * small)).min(large - 1)
-            };
-            plane[(at(x, width, plane.width()), at(y, height, plane.height()))]
-        })
-    };
-    let depth = DepthFrame {
-        metres: thin(&shot.depth.metres),
-        amplitude: shot.depth.amplitude.as_ref().map(thin),
-        sigma: shot.depth.sigma.as_ref().map(thin),
-        ..shot.depth
-    };
-    (rig, Some(depth))
 }

@@ -7,7 +7,7 @@ use captured::{
         Results, Staging, Tone, sheet::Panel,
     },
     radiometry::LinearImage,
-    scene::Scene,
+    scene::{Material, Scene},
 };
 use drivers::{Distortion, Intrinsics, Plane};
 use glam::Vec3;
@@ -52,6 +52,8 @@ fn scene(width: usize, height: usize, scale_known: bool) -> Scene {
         confidence: plane(1.0),
         scale_known,
         flash_lit: true,
+        material: Material::Varying,
+        shine: None,
     }
 }
 

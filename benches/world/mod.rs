@@ -1,6 +1,9 @@
 //! The scene the benchmarks run on: balls and a box before a slanted wall, as a camera sees it.
 
-use captured::{scene::Scene, shot::Shot};
+use captured::{
+    scene::{Material, Scene},
+    shot::Shot,
+};
 use drivers::{
     ColorFrame, DepthCamera, DepthFrame, Distortion, Exposure, FlashLamp, Illumination, Intrinsics,
     Pixels, Plane, Rig, RigidTransform, Timestamp, Transfer,
@@ -79,6 +82,8 @@ pub fn scene(width: usize, height: usize) -> Scene {
         confidence: Plane::filled(width, height, 1.0),
         scale_known: true,
         flash_lit: true,
+        material: Material::Varying,
+        shine: None,
     }
 }
 

@@ -169,7 +169,10 @@ struct CellLamp {
 impl Prepared {
     /// Which directions every pixel sees; once per scene.
     pub fn visibility_map(&self) -> VisibilityMap {
-        VisibilityMap::new(&self.occluders)
+        match &self.occluders {
+            Some(occluders) => VisibilityMap::new(occluders),
+            None => VisibilityMap::clear(self.size()),
+        }
     }
 
     /// The scene under an environment. `shadow` of the answer is the share of the light that
@@ -216,6 +219,7 @@ impl Prepared {
                         places,
                         map: shadows,
                         rings: &rings,
+                        shines: self.shines,
                     };
                     dispatch!(Level::new(), simd => row.shade(simd, light, shadow, open));
                 },
@@ -334,6 +338,7 @@ struct Row<'a> {
     places: &'a [u32],
     map: Option<&'a VisibilityMap>,
     rings: &'a [Vec<CellLamp>; RINGS],
+    shines: bool,
 }
 
 impl Row<'_> {
@@ -364,7 +369,7 @@ impl Row<'_> {
                 }
                 let words = u32x16::load_array(simd, words);
                 for lamp in lamps {
-                    let [lit, specular] = facet.lobes(simd, lamp.toward);
+                    let [lit, specular] = facet.reflected(simd, lamp.toward, self.shines);
                     let clear = ((words >> lamp.azimuth) & 1).simd_gt(0);
                     sent = lit.mul_add(lamp.level, sent);
                     let lit = clear.select(lit, zero);

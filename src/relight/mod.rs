@@ -16,4 +16,4 @@ pub mod visibility;
 
 pub use environment::{Environment, EnvironmentError};
 pub use lamp::{Lamp, LampError};
-pub use prepared::{Indirect, Prepared, RelightOptions, Relit, Shadows};
+pub use prepared::{Blocked, Indirect, Preparation, Prepared, RelightOptions, Relit, Shadows};

@@ -8,7 +8,10 @@ use super::{
     surfaces::Surfaces,
     visibility::{Answers, Occluders, sweep},
 };
-use crate::{radiometry::LinearImage, scene::Scene};
+use crate::{
+    radiometry::LinearImage,
+    scene::{Material, Scene},
+};
 use drivers::Plane;
 use rayon::prelude::*;
 
@@ -43,6 +46,35 @@ pub struct RelightOptions {
     pub indirect: Indirect,
 }
 
+/// What a scene is made ready for: the less, the sooner.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Preparation {
+    /// Whether the scene is to cast shadows.
+    pub shadows: bool,
+    /// Where bounced light comes from.
+    pub blocked: Blocked,
+}
+
+/// The share of what a surface could see that the scene itself blocks, and bounces light from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Blocked {
+    /// None: no light is bounced.
+    Nothing,
+    /// The same share everywhere, in [0, 1].
+    Evenly(f32),
+    /// What the scene's own slabs block, pixel by pixel.
+    Swept,
+}
+
+impl Default for Preparation {
+    fn default() -> Self {
+        Self {
+            shadows: true,
+            blocked: Blocked::Swept,
+        }
+    }
+}
+
 /// The photograph under a new light.
 #[derive(Debug, Clone)]
 pub struct Relit {
@@ -72,9 +104,14 @@ pub struct Prepared {
     pub(super) width: usize,
     pub(super) height: usize,
     pub(super) surfaces: Surfaces,
-    pub(super) occluders: Occluders,
+    /// Absent where no shadows are cast.
+    pub(super) occluders: Option<Occluders>,
     /// Light from a blocked direction as a share of the mean the scene sends out.
     pub(super) bounce: f32,
+    /// Whether surfaces shine at all.
+    pub(super) shines: bool,
+    /// Mean share of the hemisphere that the scene blocks, in [0, 1].
+    pub(super) mean_blocked: f32,
     /// Present when the lens bends lines.
     pub(super) straightened: Option<Plane<u32>>,
 }
@@ -84,42 +121,53 @@ impl Prepared {
     ///
     /// # Panics
     /// When the scene's planes differ in size: a bug of the caller.
-    pub fn new(scene: &Scene) -> Self {
+    pub fn new(scene: &Scene, wanted: Preparation) -> Self {
         let (width, height) = scene.albedo.size();
         assert_eq!(scene.camera.size(), (width, height));
-        let (occluders, straightened) = match straighten(scene) {
-            None => (
-                Occluders::new(
-                    scene.camera,
-                    &scene.depth_metres,
-                    &scene.thickness_metres,
-                    &scene.depth_sigma_metres,
-                ),
-                None,
-            ),
-            Some(Straightened {
-                camera,
-                planes: [metres, thickness, sigma],
-                lookup,
-            }) => (
-                Occluders::new(camera, &metres, &thickness, &sigma),
-                Some(lookup),
-            ),
+        let sweeps = wanted.shadows || wanted.blocked == Blocked::Swept;
+        let (occluders, straightened) = if sweeps {
+            let (occluders, straightened) = occluders(scene);
+            (Some(occluders), straightened)
+        } else {
+            (None, None)
         };
-        let obscurance = obscurance(scene, &occluders);
-        let surfaces = Surfaces::new(scene, obscurance);
-        let bounce = if scene.scale_known {
+        let blocked = match (wanted.blocked, &occluders) {
+            (Blocked::Swept, Some(occluders)) => obscurance(scene, occluders),
+            (Blocked::Evenly(share), _) => vec![share; width * height],
+            _ => vec![0.0; width * height],
+        };
+        let bounce = if wanted.blocked == Blocked::Nothing {
+            0.0
+        } else if scene.scale_known {
             BOUNCE
         } else {
             BOUNCE_OF_UNKNOWN_SCALE
         };
+        let mean_blocked = blocked.iter().sum::<f32>() / blocked.len().max(1) as f32;
         Self {
             width,
             height,
-            surfaces,
-            occluders,
+            surfaces: Surfaces::new(scene, blocked),
+            occluders: occluders.filter(|_| wanted.shadows),
             bounce,
+            shines: scene.material != Material::Matte,
+            mean_blocked,
             straightened,
+        }
+    }
+
+    /// Mean share of the hemisphere that the scene itself blocks, in [0, 1].
+    pub fn mean_blocked(&self) -> f32 {
+        self.mean_blocked
+    }
+
+    /// The same with bodies `factor` times as thick: what is lit in one and not in the other, no
+    /// depth camera can tell.
+    pub fn with_thickness(&self, factor: f32) -> Self {
+        let occluders = self.occluders.as_ref();
+        Self {
+            occluders: occluders.map(|occluders| occluders.thickened(factor)),
+            ..self.clone()
         }
     }
 
@@ -160,13 +208,16 @@ impl Prepared {
             toward: lamp.toward().to_array(),
             color: lamp.color,
             indirect: [0.0; 3],
+            shines: self.shines,
         };
-        let swept =
-            (options.shadows != Shadows::None).then(|| sweep(&self.occluders, lamp.toward()));
+        let occluders = self.occluders.as_ref();
+        let swept = occluders
+            .filter(|_| options.shadows != Shadows::None)
+            .map(|occluders| sweep(occluders, lamp.toward()));
         let answers = swept.as_ref().map(|swept| Answers::new(swept, self.width));
         let source = Source::new(self, answers.as_ref());
         let hard = options.shadows == Shadows::Hard;
-        if options.indirect == Indirect::Obscurance {
+        if options.indirect == Indirect::Obscurance && self.bounce > 0.0 {
             shader.indirect = self.mean_sent(&shader, &source);
         }
         let unseen: usize = light
@@ -191,6 +242,32 @@ impl Prepared {
             )
             .sum();
         unseen as f32 / (self.width * self.height) as f32
+    }
+
+    /// Which pixels the lamp reaches, whatever way they face: 0 = blocked, 1 = clear, between =
+    /// probability; everything is clear where no shadows are cast.
+    pub fn visibility(&self, lamp: &Lamp) -> Plane<f32> {
+        let mut plane = Plane::filled(self.width, self.height, 1.0);
+        if let Some(occluders) = &self.occluders
+            && !plane.is_empty()
+        {
+            let swept = sweep(occluders, lamp.toward());
+            let answers = Answers::new(&swept, self.width);
+            let source = Source::new(self, Some(&answers));
+            let rows = plane.samples_mut().par_chunks_mut(self.width).enumerate();
+            rows.for_each(|(y, row)| {
+                source.row(y, row);
+            });
+        }
+        plane
+    }
+
+    /// The same scene with one share of the hemisphere blocked everywhere.
+    pub fn evenly_blocked(&self, share: f32) -> Self {
+        let mut even = self.clone();
+        even.surfaces.block_evenly(share);
+        even.mean_blocked = share;
+        even
     }
 
     /// Mean light the scene sends out, from a sparse look at it.
@@ -226,6 +303,29 @@ impl Prepared {
             )
             .reduce(|| [0.0; 4], |a, b| std::array::from_fn(|i| a[i] + b[i]));
         std::array::from_fn(|c| (sums[c] / sums[3].max(1.0)) as f32 * self.bounce)
+    }
+}
+
+/// The scene's slabs on a pinhole's grid, and the way there where the lens bends lines.
+fn occluders(scene: &Scene) -> (Occluders, Option<Plane<u32>>) {
+    match straighten(scene) {
+        None => (
+            Occluders::new(
+                scene.camera,
+                &scene.depth_metres,
+                &scene.thickness_metres,
+                &scene.depth_sigma_metres,
+            ),
+            None,
+        ),
+        Some(Straightened {
+            camera,
+            planes: [metres, thickness, sigma],
+            lookup,
+        }) => (
+            Occluders::new(camera, &metres, &thickness, &sigma),
+            Some(lookup),
+        ),
     }
 }
 

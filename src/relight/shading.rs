@@ -36,6 +36,8 @@ pub struct ShaderLamp {
     /// Mean light the scene sends out, per channel; it arrives from the directions the scene
     /// itself blocks.
     pub indirect: [f32; 3],
+    /// False leaves highlights out.
+    pub shines: bool,
 }
 
 /// 2^x for x in [−100, 100], relative error under 5e-6.
@@ -98,12 +100,30 @@ impl<S: Simd> Facet<S> {
         }
     }
 
-    /// `[n·l, π f n·l]` under a lamp in direction `toward`, both zero where it is turned away.
+    /// n·l under a lamp in direction `toward`.
     #[inline(always)]
-    pub(super) fn lobes(&self, simd: S, [lx, ly, lz]: [f32; 3]) -> [f32x16<S>; 2] {
+    fn cosine(&self, [lx, ly, lz]: [f32; 3]) -> f32x16<S> {
+        let [nx, ny, nz] = self.normal;
+        nx.mul_add(lx, ny.mul_add(ly, nz * lz))
+    }
+
+    /// `[n·l, π f n·l]` under a lamp in direction `toward`, both zero where it is turned away, and
+    /// the second everywhere where nothing `shines`.
+    #[inline(always)]
+    pub(super) fn reflected(&self, simd: S, toward: [f32; 3], shines: bool) -> [f32x16<S>; 2] {
+        if shines {
+            self.lobes(simd, toward)
+        } else {
+            let zero = f32x16::splat(simd, 0.0);
+            [self.cosine(toward).max(0.0), zero]
+        }
+    }
+
+    #[inline(always)]
+    fn lobes(&self, simd: S, toward: [f32; 3]) -> [f32x16<S>; 2] {
         let one = f32x16::splat(simd, 1.0);
-        let ([nx, ny, nz], [vx, vy, vz]) = (self.normal, self.to_camera);
-        let n_dot_l = nx.mul_add(lx, ny.mul_add(ly, nz * lz));
+        let ([lx, ly, lz], [vx, vy, vz]) = (toward, self.to_camera);
+        let n_dot_l = self.cosine(toward);
         let l_dot_v = vx.mul_add(lx, vy.mul_add(ly, vz * lz));
         // h is the half vector: |l + v|² = 2 (1 + l·v), n·h = (n·l + n·v) / |l + v|.
         let length2 = (l_dot_v * 2.0 + 2.0).max(0.0);
@@ -171,7 +191,7 @@ fn shade_blocks<S: Simd>(
     for start in (0..out.len()).step_by(LANES) {
         let end = (start + LANES).min(out.len());
         let facet = Facet::new(simd, surface, start);
-        let [lit, specular] = facet.lobes(simd, lamp.toward);
+        let [lit, specular] = facet.reflected(simd, lamp.toward, lamp.shines);
         let seen = block(simd, visibility, start);
         let (cosine, shine) = (lit * seen, specular * seen);
         let blocked = block(simd, surface.obscurance, start);
@@ -239,6 +259,7 @@ mod tests {
                     toward: toward.to_array(),
                     color: [1.0; 3],
                     indirect: [0.0; 3],
+                    shines: true,
                 },
                 &mut shadow,
                 &mut out,

@@ -95,6 +95,10 @@ impl Surfaces {
         }
     }
 
+    pub(super) fn block_evenly(&mut self, share: f32) {
+        self.obscurance.fill(share);
+    }
+
     /// Row `y`; `level` is scratch of the row's length.
     pub(super) fn row<'a>(&'a self, y: usize, level: &'a mut [f32]) -> SurfaceRow<'a> {
         let range = y * self.width..(y + 1) * self.width;

@@ -107,7 +107,7 @@ pub(super) fn plausible_scale(reflections: &Plane<Reflection>) -> f32 {
 /// is unknown, the answer is the surroundings'. NaN without depth. Clamped to [0, 1].
 pub(super) fn albedo(
     reflections: &Plane<Reflection>,
-    roughness: &Plane<f32>,
+    roughness: Option<&Plane<f32>>,
     normal_sigma: &Plane<f32>,
 ) -> Plane<[f32; 3]> {
     let (width, height) = reflections.size();
@@ -134,7 +134,7 @@ pub(super) fn albedo(
             }
             // What is seen cannot face away: there the normal is wrong and only the scale unknown.
             let cosine = cosine.max(LEAST_COSINE);
-            let highlight = karis_at_lens(cosine, roughness.samples()[i]);
+            let highlight = roughness.map_or(0.0, |of| karis_at_lens(cosine, of.samples()[i]));
             *plain = value.map(|v| v / cosine - highlight);
             let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
             let slack = |tilt: f32| sine * tilt + 0.5 * tilt * tilt;

@@ -13,6 +13,16 @@ pub(super) struct Edges {
     pub below: Plane<bool>,
 }
 
+impl Edges {
+    /// Of one surface that fills a picture of this size: only the picture's own end.
+    pub fn none((width, height): (usize, usize)) -> Self {
+        Self {
+            right: Plane::from_fn(width, height, |x, _| x + 1 == width),
+            below: Plane::from_fn(width, height, |_, y| y + 1 == height),
+        }
+    }
+}
+
 /// Jumps smaller than so many pixel pitches are the surface's own relief.
 const RELIEF_PITCHES: f32 = 4.0;
 

@@ -3,78 +3,21 @@
 use super::{
     Scene, albedo,
     confidence::confidence,
-    edges::edges,
+    flat::Flat,
     grain::shrunk,
     lighting::{UNKNOWN_LIGHT, UNTOLD_ROUGHNESS, evenly_lit, followed, may_be_flash},
-    normals::{normals, normals_of_slopes},
+    options::{Material, SceneError, SceneOptions, Shape, check_ranges},
     rays::rays,
     regions::regions,
-    roughness::roughness,
-    surface::{Surface, sigma_of_depth, surface},
+    roughness::{evidence, roughness},
+    shape::{self, Shaped},
+    shine::shine,
+    surface::sigma_of_depth,
     thickness::thickness,
 };
 use crate::{radiometry::FlashOnly, registration::RegisteredDepth};
 use drivers::{Intrinsics, Plane, Rig};
-
 use rayon::prelude::*;
-use thiserror::Error;
-
-/// What may be assumed about a scene.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SceneOptions {
-    /// Depth noise is taken this many times as large as found; 0 = do not smooth.
-    pub smoothing: f32,
-    /// Thickness of the thinnest surfaces, metres; > 0.
-    pub least_thickness_metres: f32,
-    /// Thickness of the thickest bodies that show an end, metres.
-    pub most_thickness_metres: f32,
-}
-
-impl Default for SceneOptions {
-    fn default() -> Self {
-        Self {
-            smoothing: 1.0,
-            least_thickness_metres: 0.03,
-            most_thickness_metres: 0.5,
-        }
-    }
-}
-
-/// Why no scene could be made.
-#[derive(Debug, Clone, PartialEq, Error)]
-pub enum SceneError {
-    /// Planes that do not share one size.
-    #[error("{plane} is {}×{} but the flash light is {}×{}; bring both onto one grid", found.0, found.1, expected.0, expected.1)]
-    SizeMismatch {
-        /// Which plane.
-        plane: &'static str,
-        /// Its (width, height).
-        found: (usize, usize),
-        /// The flash light's (width, height).
-        expected: (usize, usize),
-    },
-    /// A picture without pixels.
-    #[error("the flash light has no pixels; give an image of at least 1×1")]
-    Empty,
-    /// The planes are no scaled version of the lens's grid.
-    #[error("planes of {}×{} do not have the shape of the color lens's {}×{}; scale both axes alike", grid.0, grid.1, lens.0, lens.1)]
-    Shape {
-        /// (width, height) of the planes.
-        grid: (usize, usize),
-        /// (width, height) of the lens.
-        lens: (usize, usize),
-    },
-    /// A number of the rig or the options outside its range.
-    #[error("{field} is {value}; it must be {range}")]
-    Range {
-        /// Name of the field.
-        field: &'static str,
-        /// What was given.
-        value: f64,
-        /// What is possible.
-        range: &'static str,
-    },
-}
 
 /// Works out what the photographed scene is made of.
 ///
@@ -100,27 +43,48 @@ pub fn estimate(
     let rays = rays(&camera);
 
     let known = positive(&depth.metres);
-    let Surface {
-        depth: surface,
-        slope,
+    let flat = match options.shape {
+        Shape::Plane => Flat::fit(&known, &rays),
+        Shape::Measured => None,
+    };
+    let shaped = match flat {
+        Some(flat) => shape::flat(flat, &rays),
+        None => shape::measured(
+            &known,
+            &depth.sigma_metres,
+            rig,
+            focal,
+            options.smoothing,
+            &rays,
+        ),
+    };
+    let Shaped {
+        surface,
+        edges,
+        normal,
         normal_sigma,
-    } = surface(&known, &depth.sigma_metres, rig, focal, options.smoothing);
+    } = shaped;
     let depth_metres = surface.value.map(|w| 1.0 / w);
     let depth_sigma_metres = sigma_of_depth(&surface);
-    let edges = edges(&surface, focal);
-    let normal = match slope {
-        Some(slope) => normals_of_slopes(&surface, &slope, &rays),
-        None => normals(&surface, &edges, &rays),
+    let known = match flat {
+        Some(_) => depth_metres.clone(),
+        None => known,
     };
 
     let of_flash = |light: &Plane<[f32; 3]>, variance: &Plane<f32>| {
         albedo::reflections(light, variance, &depth_metres, &normal, &rays, &rig.flash)
     };
     let reflections = of_flash(&flash.light.0, &flash.variance);
-    let regions = regions(&edges, &normal);
     let scale_known = rig.flash.intensity.is_some();
+    let asked = options.material != Material::Matte;
+    let regions = (asked || !scale_known).then(|| regions(&edges, &normal));
     // A stated intensity was measured: there is a flash.
-    let flash_lit = scale_known || may_be_flash(followed(&flash.light.0, &reflections, &regions));
+    let flash_lit = match &regions {
+        Some(regions) if !scale_known => {
+            may_be_flash(followed(&flash.light.0, &reflections, regions))
+        }
+        _ => true,
+    };
     // Grain goes from what becomes albedo; how highlights fall off is asked of the light as it is.
     let (light, variance) = shrunk(&flash.light.0, &flash.variance);
     let (mut reflections, mut matte) = if flash_lit {
@@ -141,24 +105,39 @@ pub fn estimate(
             });
         }
     }
-    let (roughness, albedo, trust) = if flash_lit {
-        let roughness = roughness(&reflections, &normal_sigma, &regions);
-        let albedo = albedo::albedo(&matte, &roughness, &normal_sigma);
-        (roughness, albedo, 1.0)
-    } else {
-        // No normal enters an even light, and no highlight is taken out of it.
-        let (rough, exact) = (known.map(|_| 1.0), known.map(|_| 0.0));
-        let albedo = albedo::albedo(&matte, &rough, &exact);
-        let roughness = known.map(|&z| if z.is_nan() { z } else { UNTOLD_ROUGHNESS });
-        (roughness, albedo, UNKNOWN_LIGHT)
+    let everywhere = |roughness: f32| known.map(|&z| if z.is_nan() { z } else { roughness });
+    let (roughness, albedo, trust) = match &regions {
+        _ if !flash_lit => {
+            // No normal enters an even light, and no highlight is taken out of it.
+            let albedo = albedo::albedo(&matte, None, &known.map(|_| 0.0));
+            let roughness = if asked { UNTOLD_ROUGHNESS } else { 1.0 };
+            (everywhere(roughness), albedo, UNKNOWN_LIGHT)
+        }
+        Some(regions) if asked => {
+            let alike = options.material == Material::OneRoughness;
+            let roughness = roughness(&reflections, &normal_sigma, regions, alike);
+            let albedo = albedo::albedo(&matte, Some(&roughness), &normal_sigma);
+            (roughness, albedo, 1.0)
+        }
+        _ => {
+            let albedo = albedo::albedo(&matte, None, &normal_sigma);
+            (everywhere(1.0), albedo, 1.0)
+        }
     };
-    let thickness_metres = thickness(
-        &depth_metres,
-        &edges.firm(&surface),
-        &rays,
-        options.least_thickness_metres,
-        options.most_thickness_metres,
-    );
+    let shine = (regions
+        .as_ref()
+        .filter(|_| options.weigh_materials && flash_lit))
+    .map(|regions| shine(&evidence(&reflections, &normal_sigma, regions)));
+    let thickness_metres = match flat {
+        Some(_) => depth_metres.map(|_| f32::INFINITY),
+        None => thickness(
+            &depth_metres,
+            &edges.firm(&surface),
+            &rays,
+            options.least_thickness_metres,
+            options.most_thickness_metres,
+        ),
+    };
     let confidence = confidence(
         &reflections,
         &depth_metres,
@@ -177,6 +156,8 @@ pub fn estimate(
         confidence,
         scale_known,
         flash_lit,
+        material: options.material,
+        shine,
     })
 }
 
@@ -201,50 +182,6 @@ fn check_sizes(flash: &FlashOnly, depth: &RegisteredDepth) -> Result<(), SceneEr
         }
     }
     Ok(())
-}
-
-fn check_ranges(rig: &Rig, options: &SceneOptions) -> Result<(), SceneError> {
-    let positive = "finite and above 0";
-    let least = f64::from(options.least_thickness_metres);
-    let smoothing = f64::from(options.smoothing);
-    let most = f64::from(options.most_thickness_metres);
-    let reach = rig.flash.position_metres.length();
-    let intensity = rig.flash.intensity.map_or(1.0, f64::from);
-    let usable = |value: f64| value.is_finite() && value > 0.0;
-    let checks = [
-        ("color.fx", rig.color.fx, usable(rig.color.fx), positive),
-        ("color.fy", rig.color.fy, usable(rig.color.fy), positive),
-        ("color.cx", rig.color.cx, rig.color.cx.is_finite(), "finite"),
-        ("color.cy", rig.color.cy, rig.color.cy.is_finite(), "finite"),
-        (
-            "the length of flash.position_metres",
-            reach,
-            reach.is_finite(),
-            "finite",
-        ),
-        ("flash.intensity", intensity, usable(intensity), positive),
-        ("least_thickness_metres", least, usable(least), positive),
-        (
-            "most_thickness_metres",
-            most,
-            most >= least,
-            "at least least_thickness_metres",
-        ),
-        (
-            "smoothing",
-            smoothing,
-            smoothing.is_finite() && smoothing >= 0.0,
-            "finite and not negative",
-        ),
-    ];
-    match checks.into_iter().find(|&(_, _, holds, _)| !holds) {
-        Some((field, value, _, range)) => Err(SceneError::Range {
-            field,
-            value,
-            range,
-        }),
-        None => Ok(()),
-    }
 }
 
 /// The color lens on a grid of `width`×`height`.

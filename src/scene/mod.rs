@@ -8,22 +8,28 @@ mod confidence;
 mod edges;
 mod estimate;
 mod fill;
+mod flat;
 mod grain;
 mod karis;
 mod lighting;
 mod noise;
 mod normals;
+mod options;
 mod rays;
 mod regions;
 mod rims;
 mod roughness;
+mod shape;
+mod shine;
 mod smooth;
 mod surface;
 mod thickness;
 mod windows;
 
-pub use estimate::{SceneError, SceneOptions, estimate};
+pub use estimate::estimate;
 pub use karis::{F0, ROUGHNESS_FLOOR, karis, karis_at_lens};
+pub use options::{Material, SceneError, SceneOptions, Shape};
+pub use shine::Shine;
 
 use drivers::{Intrinsics, Plane};
 use glam::Vec3;
@@ -53,4 +59,9 @@ pub struct Scene {
     /// False when the photograph does not look lit from the lens: then its light was taken to be
     /// the same everywhere, its own shading stays in `albedo`, and `roughness` is a guess.
     pub flash_lit: bool,
+    /// How freely its surfaces were let shine; `roughness` is 1 where they are matte.
+    pub material: Material,
+    /// What the photograph says for and against highlights, where it was asked
+    /// ([`SceneOptions::weigh_materials`]).
+    pub shine: Option<Shine>,
 }

@@ -6,10 +6,10 @@ use rayon::prelude::*;
 
 /// Roughness values that are weighed against each other: 0.10, 0.15, … 1.00, all equally likely
 /// before anything is seen.
-const CANDIDATES: usize = 19;
+pub(super) const CANDIDATES: usize = 19;
 
 /// The `i`-th candidate.
-fn candidate(i: usize) -> f32 {
+pub(super) fn candidate(i: usize) -> f32 {
     0.1 + 0.05 * i as f32
 }
 
@@ -56,7 +56,7 @@ struct Ring {
 
 /// What one piece of surface shows.
 #[derive(Debug, Clone)]
-struct Evidence {
+pub(super) struct Evidence {
     rings: [Ring; RINGS],
     log_color: [f32; 3],
     tilt: f32,
@@ -76,7 +76,7 @@ impl Default for Evidence {
 
 /// One ring's answer.
 #[derive(Debug, Clone, Copy)]
-struct Point {
+pub(super) struct Point {
     chord: f32,
     log: f32,
     variance: f32,
@@ -109,7 +109,7 @@ impl Evidence {
         }
     }
 
-    fn profile(&self) -> Vec<Point> {
+    pub(super) fn profile(&self) -> Vec<Point> {
         let point = |ring: &Ring| {
             let log = ring.log / ring.count;
             let spread = (ring.square / ring.count - log * log).max(0.0) + UNSEEN_TEXTURE;
@@ -128,15 +128,52 @@ impl Evidence {
             .collect()
     }
 
+    /// The rings that `keeps` says yes to.
+    pub(super) fn some_rings(&self, keeps: impl Fn(usize) -> bool) -> Self {
+        let mut kept = self.clone();
+        // Rings without pixels do not count, so that every second one is every second one seen.
+        let seen = kept.rings.iter_mut().filter(|ring| ring.count >= FEWEST);
+        for (number, ring) in seen.enumerate() {
+            if !keeps(number) {
+                *ring = Ring::default();
+            }
+        }
+        kept
+    }
+
+    /// Standard deviation of the piece's normals, radians.
+    fn tilt(&self) -> f32 {
+        LEAST_TILT.hypot(self.tilt / self.pixels.max(1.0))
+    }
+
+    /// How badly each candidate explains the profile.
+    pub(super) fn misfits(&self) -> [f32; CANDIDATES] {
+        let (profile, tilt) = (self.profile(), self.tilt());
+        std::array::from_fn(|i| Lobe::new(&profile, Some(candidate(i)), tilt).deviance())
+    }
+
+    /// The same of one roughness; `None` = no highlight at all.
+    pub(super) fn misfit(&self, roughness: Option<f32>) -> f32 {
+        Lobe::new(&self.profile(), roughness, self.tilt()).deviance()
+    }
+
+    /// Logarithm of the albedo that fits best beside a roughness.
+    pub(super) fn albedo(&self, roughness: Option<f32>) -> f32 {
+        Lobe::new(&self.profile(), roughness, self.tilt()).log_albedo()
+    }
+
+    /// Squared misfit in variances, summed over the profile, beside this logarithm of the albedo.
+    pub(super) fn misfit_of(&self, roughness: Option<f32>, log_albedo: f32) -> f32 {
+        Lobe::new(&self.profile(), roughness, self.tilt()).squares(log_albedo)
+    }
+
     /// Logarithm of how well each candidate explains the profile, on top of one albedo.
-    fn log_likelihood(&self) -> [f32; CANDIDATES] {
-        let profile = self.profile();
-        let tilt = LEAST_TILT.hypot(self.tilt / self.pixels.max(1.0));
-        let misfit: [f32; CANDIDATES] =
-            std::array::from_fn(|i| misfit(&profile, candidate(i), tilt));
+    pub(super) fn log_likelihood(&self) -> [f32; CANDIDATES] {
+        let misfit = self.misfits();
         let best = misfit.iter().copied().fold(f32::INFINITY, f32::min);
         // A profile that no candidate fits is weak evidence for any of them.
-        let excess = (best / (profile.len() as f32 - 2.0).max(1.0)).max(1.0);
+        let rings = self.profile().len() as f32;
+        let excess = (best / (rings - 2.0).max(1.0)).max(1.0);
         misfit.map(|m| -0.5 * (m - best) / excess)
     }
 
@@ -146,55 +183,83 @@ impl Evidence {
     }
 }
 
-/// Weighted squared error of ln(albedo + highlight(roughness)) with the best albedo, and what the
-/// freedom of the weights costs. `tilt` is the error of the normals, which blurs narrow lobes.
-fn misfit(profile: &[Point], roughness: f32, tilt: f32) -> f32 {
-    let highlight = |chord: f32| karis_at_lens(1.0 - 0.5 * chord * chord, roughness);
-    let lobe: Vec<[f32; 3]> = profile
-        .iter()
-        .map(|point| {
+/// One roughness beside one profile.
+struct Lobe<'a> {
+    profile: &'a [Point],
+    /// The highlight at every point, and at the ends of its error.
+    heights: Vec<[f32; 3]>,
+}
+
+impl<'a> Lobe<'a> {
+    /// `tilt` is the error of the normals, which blurs narrow lobes.
+    fn new(profile: &'a [Point], roughness: Option<f32>, tilt: f32) -> Self {
+        let highlight = |chord: f32| {
+            roughness.map_or(0.0, |roughness| {
+                karis_at_lens(1.0 - 0.5 * chord * chord, roughness)
+            })
+        };
+        let heights = profile.iter().map(|point| {
             [
                 highlight(point.chord),
                 highlight((point.chord - tilt).max(0.0)),
                 highlight(point.chord + tilt),
             ]
-        })
-        .collect();
-    // Gauss–Newton on ln(albedo), which keeps it positive; it starts at the darkest ring.
-    let mut log_albedo = profile
-        .iter()
-        .map(|point| point.log)
-        .fold(0.0, f32::min)
-        .max(BLACK.ln());
-    let variance = |point: &Point, lobe: &[f32; 3], albedo: f32| {
+        });
+        Self {
+            profile,
+            heights: heights.collect(),
+        }
+    }
+
+    fn variance(point: &Point, lobe: &[f32; 3], albedo: f32) -> f32 {
         let blurred = 0.5 * ((albedo + lobe[1]) / (albedo + lobe[2])).ln();
         point.variance + blurred * blurred
-    };
-    for _ in 0..5 {
-        let albedo = log_albedo.exp();
-        let (mut step, mut weights) = (0.0, 1e-9);
-        for (point, lobe) in profile.iter().zip(&lobe) {
-            let share = albedo / (albedo + lobe[0]);
-            let weight = share / variance(point, lobe, albedo);
-            step += weight * (point.log - (albedo + lobe[0]).ln());
-            weights += weight * share;
-        }
-        log_albedo = (log_albedo + (step / weights).clamp(-1.0, 1.0)).clamp(BLACK.ln(), 0.0);
     }
-    let albedo = log_albedo.exp();
-    profile
-        .iter()
-        .zip(&lobe)
-        .map(|(point, lobe)| {
-            let variance = variance(point, lobe, albedo);
-            let error = point.log - (albedo + lobe[0]).ln();
-            error * error / variance + (variance / point.variance).ln()
-        })
-        .sum()
+
+    /// Logarithm of the albedo with the least weighted squared error of ln(albedo + highlight).
+    fn log_albedo(&self) -> f32 {
+        // Gauss–Newton on ln(albedo), which keeps it positive; it starts at the darkest ring.
+        let darkest = self.profile.iter().map(|point| point.log);
+        let mut log_albedo = darkest.fold(0.0, f32::min).max(BLACK.ln());
+        for _ in 0..5 {
+            let albedo = log_albedo.exp();
+            let (mut step, mut weights) = (0.0, 1e-9);
+            for (point, lobe) in self.profile.iter().zip(&self.heights) {
+                let share = albedo / (albedo + lobe[0]);
+                let weight = share / Self::variance(point, lobe, albedo);
+                step += weight * (point.log - (albedo + lobe[0]).ln());
+                weights += weight * share;
+            }
+            log_albedo = (log_albedo + (step / weights).clamp(-1.0, 1.0)).clamp(BLACK.ln(), 0.0);
+        }
+        log_albedo
+    }
+
+    /// Squared error in variances beside an albedo.
+    fn squares(&self, log_albedo: f32) -> f32 {
+        let albedo = log_albedo.exp();
+        let points = self.profile.iter().zip(&self.heights);
+        points
+            .map(|(point, lobe)| {
+                let error = point.log - (albedo + lobe[0]).ln();
+                error * error / Self::variance(point, lobe, albedo)
+            })
+            .sum()
+    }
+
+    /// The squared error beside the best albedo, and what the freedom of the weights costs.
+    fn deviance(&self) -> f32 {
+        let log_albedo = self.log_albedo();
+        let albedo = log_albedo.exp();
+        let points = self.profile.iter().zip(&self.heights);
+        let freedom =
+            points.map(|(point, lobe)| (Self::variance(point, lobe, albedo) / point.variance).ln());
+        self.squares(log_albedo) + freedom.sum::<f32>()
+    }
 }
 
 /// Mean and standard deviation of the candidates under a log-likelihood.
-fn expected(log_likelihood: &[f32; CANDIDATES]) -> (f32, f32) {
+pub(super) fn expected(log_likelihood: &[f32; CANDIDATES]) -> (f32, f32) {
     let best = log_likelihood
         .iter()
         .copied()
@@ -216,18 +281,19 @@ fn expected(log_likelihood: &[f32; CANDIDATES]) -> (f32, f32) {
 /// curve on top of the albedo. Every candidate roughness is weighed by how well it explains that
 /// curve, pieces of one color sharing their evidence, and the mean of the candidates is the answer:
 /// a surface never seen head on gets the middle of the range, one seen head on without a highlight
-/// the middle of its matte end.
+/// the middle of its matte end. `one_for_all` gives the whole picture one roughness.
 pub(super) fn roughness(
     reflections: &Plane<Reflection>,
     normal_sigma: &Plane<f32>,
     regions: &Regions,
+    one_for_all: bool,
 ) -> Plane<f32> {
-    let mut evidence = vec![Evidence::default(); regions.count];
-    let pixels = reflections.samples().iter().zip(normal_sigma.samples());
-    for ((reflection, tilt), region) in pixels.zip(regions.of.samples()) {
-        if let Some(region) = region {
-            evidence[*region as usize].add(*reflection, *tilt);
-        }
+    let evidence = evidence(reflections, normal_sigma, regions);
+    let (width, height) = reflections.size();
+    if one_for_all {
+        let all = sum(evidence.par_iter().map(Evidence::log_likelihood));
+        let (answer, _) = expected(&all);
+        return regions.of.map(|of| of.map_or(f32::NAN, |_| answer));
     }
     let mut lenders: Vec<usize> = (0..evidence.len()).collect();
     lenders.sort_by(|&a, &b| evidence[b].pixels.total_cmp(&evidence[a].pixels));
@@ -254,10 +320,32 @@ pub(super) fn roughness(
             expected(&log).0
         })
         .collect();
-    let (width, height) = reflections.size();
     Plane::from_fn(width, height, |x, y| {
         regions.of[(x, y)].map_or(f32::NAN, |region| answers[region as usize])
     })
+}
+
+/// What every piece of surface shows.
+pub(super) fn evidence(
+    reflections: &Plane<Reflection>,
+    normal_sigma: &Plane<f32>,
+    regions: &Regions,
+) -> Vec<Evidence> {
+    let mut evidence = vec![Evidence::default(); regions.count];
+    let pixels = reflections.samples().iter().zip(normal_sigma.samples());
+    for ((reflection, tilt), region) in pixels.zip(regions.of.samples()) {
+        if let Some(region) = region {
+            evidence[*region as usize].add(*reflection, *tilt);
+        }
+    }
+    evidence
+}
+
+fn sum(all: impl ParallelIterator<Item = [f32; CANDIDATES]>) -> [f32; CANDIDATES] {
+    all.reduce(
+        || [0.0; CANDIDATES],
+        |a, b| std::array::from_fn(|i| a[i] + b[i]),
+    )
 }
 
 /// One color, as far as light and dark of a texture allow to tell.
@@ -325,6 +413,7 @@ mod tests {
             &reflections,
             &reflections.map(|_| 0.0),
             &Regions { of, count: 2 },
+            false,
         );
         assert!((found[(10, 10)] - 0.3).abs() < 0.05, "{}", found[(10, 10)]);
         assert!(

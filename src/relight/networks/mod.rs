@@ -4,12 +4,14 @@
 //! 3DV 2020. What the networks are fed stands in [`feed`] and is the same as in
 //! `models/reference/feeding.py`; what runs them is behind [`Network`] and not known here.
 
+mod correction;
 pub mod feed;
 pub mod frame;
 mod grid;
 mod paper;
 mod render;
 
+pub use correction::{Doubt, NETWORK_ERROR};
 pub use feed::{Feed, Photograph};
 pub use grid::resampled;
 pub use paper::{Decomposed, Paper};

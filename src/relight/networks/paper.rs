@@ -161,7 +161,7 @@ impl Paper {
 }
 
 /// The answers of these names and channels, each of the inputs' size.
-fn answers<const N: usize>(
+pub(super) fn answers<const N: usize>(
     network: &dyn Network,
     given: &[(&str, &Channels)],
     wanted: &[(&str, usize); N],
@@ -191,7 +191,7 @@ fn answers<const N: usize>(
 }
 
 /// Interleaved pixels.
-fn plane<const N: usize>(channels: &Channels) -> Plane<[f32; N]> {
+pub(super) fn plane<const N: usize>(channels: &Channels) -> Plane<[f32; N]> {
     let (width, height) = channels.size;
     Plane::from_fn(width, height, |x, y| {
         std::array::from_fn(|channel| channels.channel(channel)[y * width + x])

@@ -25,6 +25,7 @@ pub(super) fn one_bounce(
         toward,
         color: [1.0; 3],
         indirect: [0.0; 3],
+        shines: true,
     };
     // Of all the rows at once: the shader knows no neighbours.
     let turned = |axis: usize, sign: f32| -> Vec<f32> {

@@ -92,6 +92,14 @@ impl VisibilityMap {
         }
     }
 
+    /// Of a picture in which nothing stands in the way.
+    pub fn clear((width, height): (usize, usize)) -> Self {
+        Self {
+            rings: vec![vec![u32::MAX]; RINGS],
+            nearest: Plane::filled(width, height, 0),
+        }
+    }
+
     /// The words of one ring, one per map pixel.
     pub(in crate::relight) fn ring(&self, ring: usize) -> &[u32] {
         &self.rings[ring]

@@ -49,6 +49,20 @@ impl Slabs {
         Self { length, samples }
     }
 
+    fn thickened(&self, factor: f32) -> Self {
+        let thicker = |[inverse, packed]: Slab| {
+            let thickness = f32::from_bits(packed & 0xffff_0000) * factor;
+            [
+                inverse,
+                thickness.min(1e6).to_bits() & 0xffff_0000 | packed & 0xffff,
+            ]
+        };
+        Self {
+            length: self.length,
+            samples: self.samples.iter().copied().map(thicker).collect(),
+        }
+    }
+
     /// The words of a line's slabs and of one slab more.
     #[inline(always)]
     pub fn line(&self, line: usize) -> &[u32] {
@@ -69,6 +83,15 @@ pub struct Occluders {
 }
 
 impl Occluders {
+    /// The same slabs, `factor` times as thick.
+    pub fn thickened(&self, factor: f32) -> Self {
+        Self {
+            by_row: self.by_row.thickened(factor),
+            by_column: self.by_column.thickened(factor),
+            ..*self
+        }
+    }
+
     /// Packs the slabs. `camera` must be a pinhole (its distortion is ignored); all planes lie on
     /// its grid. Depth NaN = no slab.
     ///
