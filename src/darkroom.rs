@@ -1,21 +1,26 @@
 //! From a shot to a folder of results: develop, light, write, and say what to doubt.
 
+mod answering;
 mod lights;
+mod modelled;
+
+pub use answering::{Answering, Asked, Auto, LoadNetwork, ready};
 
 use crate::{
     api::FaultKind,
-    develop::{DevelopError, Development, Options, Stage, develop},
+    costs::CostError,
+    develop::{DevelopError, Development, Stage},
+    inference::InferenceError,
     output::{
         Disk, Existing, Manifest, OutputError, RelitView, Results, Tone, sheet::Panel, write,
     },
-    radiometry::linearise,
-    relight::{
-        Environment, Lamp, Relit,
-        networks::{NetworkError, Paper},
-    },
+    parsimony::TooLittleTime,
+    radiometry::{SubtractionReport, linearise},
+    relight::{Environment, Lamp, Relit, networks::NetworkError},
     shot::{DropCounts, Shot},
 };
 use drivers::{ColorFrame, Plane};
+use modelled::Evidence;
 use std::{path::Path, time::Instant};
 use thiserror::Error;
 
@@ -37,8 +42,8 @@ pub struct Order<'a> {
     pub lamps: &'a [Lamp],
     /// Light from all around and what it is called; its results come last.
     pub environment: Option<(&'a str, &'a Environment)>,
-    /// The paper's networks, to answer instead of the closed form.
-    pub paper: Option<&'a Paper>,
+    /// What answers.
+    pub answering: &'a Answering,
     /// What the caller knows to lower the trust.
     pub warnings: Vec<String>,
     /// Further files of the folder: name and contents.
@@ -69,6 +74,12 @@ pub enum DarkroomError {
         snr_db: f32,
     },
     #[error(transparent)]
+    Budget(#[from] TooLittleTime),
+    #[error(transparent)]
+    Costs(#[from] CostError),
+    #[error(transparent)]
+    Inference(#[from] InferenceError),
+    #[error(transparent)]
     Network(#[from] NetworkError),
     #[error(transparent)]
     Output(#[from] OutputError),
@@ -78,8 +89,9 @@ impl DarkroomError {
     /// Which part failed.
     pub fn kind(&self) -> FaultKind {
         match self {
-            Self::Develop(_) | Self::NoFlash { .. } => FaultKind::Shot,
-            Self::Network(_) => FaultKind::Input,
+            Self::Develop(_) | Self::NoFlash { .. } | Self::Costs(_) => FaultKind::Shot,
+            Self::Budget(_) => FaultKind::Request,
+            Self::Inference(_) | Self::Network(_) => FaultKind::Input,
             Self::Output(_) => FaultKind::Output,
         }
     }
@@ -100,14 +112,11 @@ pub fn print(
     observe: &mut dyn FnMut(&str),
 ) -> Result<Manifest, DarkroomError> {
     let clock = &mut Clock::default();
-    let mut development = develop(order.shot, &Options::default(), &mut |stage: Stage| {
-        clock.begin(name_of(stage));
-        observe(stage.description());
-    })?;
-    refuse_without_flash(order, &development)?;
+    let (mut model, evidence) = modelled::modelled(order, clock, observe)?;
     // Asked for by no later stage; 48 MB of a photograph of 12 megapixels.
-    development.flash_only.variance = Plane::default();
-    let relit = lights::lit(order, &mut development, clock, observe)?;
+    model.development.flash_only.variance = Plane::default();
+    let relit = lights::lit(order, &mut model, clock, observe)?;
+    let development = &model.development;
     let timings_ms = clock.end();
     observe("writing");
     let mut warnings = order.warnings.clone();
@@ -117,7 +126,7 @@ pub fn print(
         .map(label)
         .chain(order.environment.map(|(name, _)| name.to_owned()))
         .collect();
-    warnings.extend(doubts(&labels, &development, &relit));
+    warnings.extend(doubts(&labels, development, &relit));
     // An environment's light comes from everywhere: no direction.
     let directions = order
         .lamps
@@ -147,7 +156,7 @@ pub fn print(
         scene: &development.scene,
         relit: &views,
         timings_ms: &timings_ms,
-        report: report(order, &development, &relit),
+        report: report(order, development, evidence.as_ref(), &relit),
         warnings: &warnings,
         attachments: order.attachments,
     };
@@ -202,8 +211,7 @@ fn label(lamp: &Lamp) -> String {
 }
 
 /// A picture that holds noise alone has no answer.
-fn refuse_without_flash(order: &Order<'_>, development: &Development) -> Result<(), DarkroomError> {
-    let found = &development.flash_only.report;
+fn refuse_without_flash(order: &Order<'_>, found: &SubtractionReport) -> Result<(), DarkroomError> {
     if found.weak_fraction < NO_FLASH {
         return Ok(());
     }
@@ -215,7 +223,17 @@ fn refuse_without_flash(order: &Order<'_>, development: &Development) -> Result<
 }
 
 /// What the stages found, for `shot.json`.
-fn report(order: &Order<'_>, development: &Development, relit: &[Relit]) -> serde_json::Value {
+fn report(
+    order: &Order<'_>,
+    development: &Development,
+    evidence: Option<&Evidence>,
+    relit: &[Relit],
+) -> serde_json::Value {
+    let (tier, networks) = match order.answering {
+        Answering::Closed => ("closed", None),
+        Answering::Paper(paper) => ("paper", Some(paper.records())),
+        Answering::Auto(_) => ("auto", None),
+    };
     let unseen: Vec<f32> = relit
         .iter()
         .map(|relit| relit.unseen_path_fraction)
@@ -227,8 +245,9 @@ fn report(order: &Order<'_>, development: &Development, relit: &[Relit]) -> serd
         "confidence_mean": mean_confidence(development),
         "unseen_path_fraction": unseen,
         "drops": order.source.drops,
-        "tier": order.paper.map_or("closed", |_| "paper"),
-        "networks": order.paper.map(Paper::records),
+        "tier": tier,
+        "networks": networks,
+        "model": evidence,
     })
 }
 

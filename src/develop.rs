@@ -6,6 +6,7 @@ mod development;
 mod working_grid;
 
 pub use development::Development;
+pub use working_grid::reduced;
 
 use crate::{
     radiometry::{self, FlashOnly, LinearImage, RadiometryError, SubtractOptions},
@@ -16,7 +17,7 @@ use crate::{
 };
 use drivers::Plane;
 use thiserror::Error;
-use working_grid::{reduce, reduction, working_rig};
+use working_grid::{reduction, working_rig};
 
 /// The stages of [`develop`], in order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize)]
@@ -155,10 +156,10 @@ pub fn work_out(
     begins: &mut dyn FnMut(Stage),
 ) -> Result<Working, DevelopError> {
     let factor = reduction(flash_only.light.0.len(), options.working_pixels);
-    let reduced = (factor > 1).then(|| reduce(flash_only, factor));
+    let small = (factor > 1).then(|| reduced(flash_only, factor));
 
     begins(Stage::Registration);
-    let (light, rig, depth) = match &reduced {
+    let (light, rig, depth) = match &small {
         None => (flash_only, shot.rig, None),
         Some(light) => {
             let (rig, depth) = working_rig(shot, light.light.0.size());
@@ -178,7 +179,7 @@ pub fn work_out(
     begins(Stage::Prepare);
     let prepared = Prepared::new(&scene, options.prepare);
     Ok(Working {
-        light: reduced.map(|reduced| reduced.light),
+        light: small.map(|small| small.light),
         registered,
         scene,
         prepared,

@@ -18,6 +18,7 @@ pub mod output;
 pub mod folder;
 pub mod eval;
 pub mod inference;
+pub mod costs;
 pub mod config;
 pub mod api;
 pub mod darkroom;

@@ -29,14 +29,20 @@ pub struct ShotRequest {
     pub tier: Tier,
     /// Which networks, where `tier` is `paper`.
     pub variant: Variant,
+    /// Longest time from the shot in memory to the relit pictures in memory, milliseconds, where
+    /// `tier` is `auto`; `None` = as long as it takes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub budget_ms: Option<f64>,
 }
 
 /// What answers for surfaces, shadows and light.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Tier {
-    /// Closed forms; needs no model.
+    /// The terms that the shot needs, and time allows.
     #[default]
+    Auto,
+    /// Closed forms, every one of them; needs no model.
     Closed,
     /// The three networks of Qiu et al. 2020.
     Paper,
@@ -47,9 +53,10 @@ impl FromStr for Tier {
 
     fn from_str(text: &str) -> Result<Self, String> {
         match text {
+            "auto" => Ok(Self::Auto),
             "closed" => Ok(Self::Closed),
             "paper" => Ok(Self::Paper),
-            _ => Err("it must be closed or paper".to_owned()),
+            _ => Err("it must be auto, closed or paper".to_owned()),
         }
     }
 }

@@ -5,6 +5,7 @@ use crate::{
     api::{Fault, FaultKind, LightError},
     config::ConfigError,
     corruption::CorruptionError,
+    costs::CostError,
     eval::{EvalError, ReportError},
     folder::{FolderError, ImageError},
     inference::InferenceError,
@@ -55,6 +56,8 @@ pub enum CommandError {
     #[error(transparent)]
     Image(#[from] ImageError),
     #[error(transparent)]
+    Costs(#[from] CostError),
+    #[error(transparent)]
     Inference(#[from] InferenceError),
     #[error(transparent)]
     Response(#[from] ResponseError),
@@ -99,6 +102,7 @@ impl CommandError {
             Self::Result(_) | Self::Report(_) | Self::Unwritten(_) | Self::Commit(_) => {
                 FaultKind::Output
             }
+            Self::Costs(_) => FaultKind::Shot,
             Self::Device(error) => crate::session::kind_of(error),
             Self::Session(error) => return error.fault(),
             Self::Client(error) => return error.fault(),

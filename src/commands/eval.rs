@@ -6,17 +6,22 @@ use super::{
 use crate::{
     config::Config,
     corruption::DepthNoise,
+    costs,
     eval::{
         EvalOptions, ForeignRow, NoisyDepth, ReportFolder, Roster, evaluate,
         learned::{ThreeNetworks, WithRoomLight, WithoutDepth},
         methods::Method,
+        ours::{Choice, Ours},
         roster,
     },
     inference::{self, InferenceError, Settings},
-    relight::{RelightOptions, networks::Variant},
+    relight::{
+        RelightOptions,
+        networks::{Network, Variant},
+    },
 };
 use clap::Args;
-use std::path::PathBuf;
+use std::{path::PathBuf, rc::Rc};
 
 /// The last row that this program answers itself; answers from elsewhere have later numbers.
 const OWN_ROWS: u8 = 3;
@@ -74,6 +79,7 @@ impl Eval {
         } else {
             warnings.extend(fill_networks(&mut roster, &self.backend.settings(config)));
         }
+        warnings.extend(fill_ours(&mut roster, &self, config)?);
         for row in self.foreign_rows(&roster)? {
             roster
                 .fill(Box::new(row))
@@ -201,6 +207,36 @@ fn fill_networks(roster: &mut Roster, settings: &Settings) -> Option<String> {
         }
     }
     warning
+}
+
+/// Fills the rows of our own model; returns what to say about what steps cost here.
+fn fill_ours(
+    roster: &mut Roster,
+    eval: &Eval,
+    config: &Config,
+) -> Result<Option<String>, CommandError> {
+    let settings = eval.backend.settings(config);
+    let load = || inference::load("shadow", Variant::Clean.name(), &settings);
+    let network: Option<Rc<dyn Network>> = if eval.no_networks {
+        None
+    } else {
+        // Without it the rows stand with swept shadows; why it is missing, row 4 says.
+        load().ok().map(Rc::from)
+    };
+    let file = costs::usual_file();
+    let costs::Known { costs, warning } = costs::known(file.as_deref(), Some(&load))?;
+    for choice in Choice::ALL {
+        let ours = Ours {
+            choice,
+            costs,
+            network: network.clone(),
+            develop: EvalOptions::default().develop,
+        };
+        roster
+            .fill(Box::new(ours))
+            .map_err(|twice| CommandError::Arguments(twice.to_string()))?;
+    }
+    Ok(warning)
 }
 
 fn leave_out_networks(roster: &mut Roster) {

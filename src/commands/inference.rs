@@ -1,22 +1,27 @@
-//! Which tier answers, and what runs its networks: `--tier`, `--variant`, `--models`, `--runtime`,
-//! `--threads`.
+//! Which tier answers, how long it may take, and what runs its networks.
 
 use super::CommandError;
 use crate::{
     api::Tier,
     config::Config,
-    inference::{self, Settings},
-    relight::networks::{Paper, Variant},
+    darkroom::{self, Answering, Asked},
+    inference::Settings,
+    relight::networks::Variant,
+    session,
 };
 use clap::Args;
-use std::path::PathBuf;
+use std::{path::PathBuf, time::Duration};
 
 /// What answers.
 #[derive(Debug, Clone, Args)]
 pub struct TierArguments {
-    /// What answers: closed forms, or the three networks of Qiu et al. 2020.
-    #[arg(long, value_name = "closed|paper", default_value = "closed")]
+    /// What answers: what the shot needs, every closed form, or the three networks of Qiu et al. 2020.
+    #[arg(long, value_name = "auto|closed|paper", default_value = "auto")]
     tier: Tier,
+    /// Longest time from the shot in memory to the relit pictures in memory, with --tier auto, such as
+    /// 50ms or 0.3s; what buys least for its time is left out.
+    #[arg(long, value_name = "TIME", value_parser = budget)]
+    budget: Option<Duration>,
     /// What the networks were trained on, with --tier paper: exact depth, or depth with noise
     /// [default: clean].
     #[arg(long, value_name = "clean|noisy")]
@@ -57,34 +62,46 @@ impl BackendArguments {
 }
 
 impl TierArguments {
-    /// The tier and the variant of its networks.
-    pub fn tier(&self) -> Result<(Tier, Variant), CommandError> {
-        if self.tier == Tier::Closed && self.variant.is_some() {
+    /// What is asked for.
+    pub fn asked(&self) -> Result<Asked, CommandError> {
+        if self.tier != Tier::Paper && self.variant.is_some() {
             return Err(CommandError::Arguments(
                 "--variant is given without --tier paper; add it".to_owned(),
             ));
         }
-        Ok((self.tier, self.variant.unwrap_or_default()))
+        if self.tier != Tier::Auto && self.budget.is_some() {
+            return Err(CommandError::Arguments(
+                "--budget is given with another tier than auto; leave one of them out".to_owned(),
+            ));
+        }
+        Ok(Asked {
+            tier: self.tier,
+            variant: self.variant.unwrap_or_default(),
+            budget: self.budget,
+        })
     }
 
-    /// The networks, where the tier has any, and what to say about what runs them.
-    pub fn load(&self, config: &Config) -> Result<Loaded, CommandError> {
-        let settings = self.backend.settings(config);
-        Ok(match self.tier()? {
-            (Tier::Closed, _) => Loaded::default(),
-            (Tier::Paper, variant) => Loaded {
-                paper: Some(inference::load_paper(variant, &settings)?),
-                warning: inference::Runtime::start(&settings)?.warning.clone(),
-            },
-        })
+    /// What answers, made ready, and what to say about it.
+    pub fn ready(&self, config: &Config) -> Result<(Answering, Vec<String>), CommandError> {
+        let ready = darkroom::ready(self.asked()?, &self.backend.settings(config));
+        Ok(ready.map_err(session::SessionError::from)?)
     }
 }
 
-/// What a tier needs.
-#[derive(Default)]
-pub struct Loaded {
-    /// Its networks.
-    pub paper: Option<Paper>,
-    /// What to say about what runs them.
-    pub warning: Option<String>,
+/// Reads `50ms` or `0.3s`.
+fn budget(text: &str) -> Result<Duration, String> {
+    let (number, milliseconds) = match (text.strip_suffix("ms"), text.strip_suffix('s')) {
+        (Some(number), _) => (number, 1.0),
+        (None, Some(number)) => (number, 1e3),
+        (None, None) => return Err("give milliseconds or seconds, as in 50ms or 0.3s".to_owned()),
+    };
+    let value: f64 = number
+        .trim()
+        .parse()
+        .map_err(|_| format!("\"{number}\" is no number; give 50ms or 0.3s"))?;
+    let milliseconds = value * milliseconds;
+    if !(milliseconds > 0.0 && milliseconds <= 3.6e6) {
+        return Err("it must be above 0 and at most an hour".to_owned());
+    }
+    Ok(Duration::from_secs_f64(milliseconds / 1e3))
 }

@@ -2,7 +2,7 @@
 
 use super::{
     Answer, CommandError,
-    inference::{Loaded, TierArguments},
+    inference::TierArguments,
     input::{self, Input},
     lights::LightArguments,
     progress::Progress,
@@ -46,7 +46,7 @@ impl Relight {
         if lights.is_empty() {
             return Err(LightError::None.into());
         }
-        let Loaded { paper, warning } = self.tier.load(config)?;
+        let (answering, said) = self.tier.ready(config)?;
         let Input { capture, drops } = input::read(&self.input, config)?;
         let order = Order {
             shot: &capture.shot,
@@ -59,8 +59,8 @@ impl Relight {
                 .environment
                 .as_ref()
                 .map(|(name, environment)| (name.as_str(), environment)),
-            paper: paper.as_ref(),
-            warnings: lights.warnings.into_iter().chain(warning).collect(),
+            answering: &answering,
+            warnings: lights.warnings.into_iter().chain(said).collect(),
             attachments: &[],
         };
         let existing = if self.force {

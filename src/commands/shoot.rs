@@ -1,16 +1,13 @@
 //! `shoot`: a shot, now.
 
 use super::{
-    Answer, CommandError,
-    client::Client,
-    error::ResultError,
-    inference::{Loaded, TierArguments},
-    lights::LightArguments,
-    progress::Progress,
+    Answer, CommandError, client::Client, error::ResultError, inference::TierArguments,
+    lights::LightArguments, progress::Progress,
 };
 use crate::{
     api::{CheckedLights, Light, ShotReply, ShotRequest, Tier},
     config::Config,
+    darkroom::{Answering, Asked},
     output::{Disk, Existing, Staging},
     session::{self, Kept},
 };
@@ -48,13 +45,18 @@ struct Told {
 
 impl Shoot {
     pub(super) fn run(self, config: &Config) -> Result<Answer, CommandError> {
-        let (tier, variant) = self.tier.tier()?;
+        let Asked {
+            tier,
+            variant,
+            budget,
+        } = self.tier.asked()?;
         let mut request = ShotRequest {
             relight: self.relight,
             lights: self.lights.read()?,
             environment: self.lights.read_environment()?,
             tier,
             variant,
+            budget_ms: budget.map(|budget| 1e3 * budget.as_secs_f64()),
         };
         let dark = request.lights.is_empty() && request.environment.is_none();
         if !self.relight && !dark {
@@ -62,9 +64,9 @@ impl Shoot {
                 "a light is given without --relight; add --relight".to_owned(),
             ));
         }
-        if !self.relight && tier != Tier::Closed {
+        if !self.relight && (tier != Tier::Auto || budget.is_some()) {
             return Err(CommandError::Arguments(
-                "--tier is given without --relight; add --relight".to_owned(),
+                "--tier or --budget is given without --relight; add --relight".to_owned(),
             ));
         }
         if self.relight && dark {
@@ -167,17 +169,29 @@ impl Shoot {
             false
         })?);
         // Before the flash fires, too.
-        let Loaded { paper, warning } = self.tier.load(config)?;
-        lights.warnings.extend(warning);
+        let answering = if self.relight {
+            let (answering, said) = self.tier.ready(config)?;
+            lights.warnings.extend(said);
+            answering
+        } else {
+            Answering::Closed
+        };
         let address = self.device.as_deref().unwrap_or(&config.device);
         let mut device = drivers::open::open(address)?;
         let progress = Progress::of_unknown("taking the shot");
         let taken = session::take(device.as_mut(), &config.capture)?;
         let lights = self.relight.then_some(&lights);
-        let (paper, out) = (paper.as_ref(), &self.out);
-        let kept = session::keep(&taken, lights, paper, out, Existing::Refuse, &mut |stage| {
-            progress.doing(stage);
-        })?;
+        let (answering, out) = (&answering, &self.out);
+        let kept = session::keep(
+            &taken,
+            lights,
+            answering,
+            out,
+            Existing::Refuse,
+            &mut |stage| {
+                progress.doing(stage);
+            },
+        )?;
         let note = "in this process; no daemon with this device was found".to_owned();
         Ok(Told {
             by: "process",

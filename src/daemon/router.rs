@@ -6,9 +6,10 @@ use crate::{
         CheckedLights, DevicesReply, Fault, FaultKind, LightError, ShotReply, ShotRequest,
         StatusReply, Tier,
     },
+    darkroom::{self, Answering, Asked},
     inference::{self, InferenceError},
     output::Existing,
-    session,
+    session::{self, SessionError},
 };
 use axum::{
     Json, Router,
@@ -20,7 +21,10 @@ use axum::{
     response::{IntoResponse, Response},
     routing::{get, post},
 };
-use std::sync::{Arc, atomic::Ordering};
+use std::{
+    sync::{Arc, atomic::Ordering},
+    time::Duration,
+};
 
 /// Every address of the daemon.
 pub(super) fn router(daemon: Arc<Daemon>) -> Router {
@@ -163,16 +167,17 @@ async fn take_and_keep(daemon: &Arc<Daemon>, body: &[u8]) -> Result<ShotReply, F
     if request.relight && lights.is_empty() {
         return Err(request_fault(LightError::None.to_string()));
     }
-    let paper = request.tier == Tier::Paper;
-    if paper && !request.relight {
+    let unusual = request.tier != Tier::default() || request.budget_ms.is_some();
+    if unusual && !request.relight {
         return Err(request_fault(
             "tier: given, but relight is false; set relight to true".to_owned(),
         ));
     }
-    let (variant, settings) = (request.variant, daemon.config.inference.clone());
-    if paper {
+    let asked = asked(&request).map_err(request_fault)?;
+    let settings = daemon.config.inference.clone();
+    if asked.tier == Tier::Paper {
         let checked = settings.clone();
-        let check = move || inference::check_paper(variant, &checked);
+        let check = move || inference::check_paper(asked.variant, &checked);
         let checked = tokio::task::spawn_blocking(check).await.map_err(broken)?;
         checked.map_err(unusable)?;
     }
@@ -181,16 +186,18 @@ async fn take_and_keep(daemon: &Arc<Daemon>, body: &[u8]) -> Result<ShotReply, F
     let turn = Arc::clone(&daemon.darkroom).acquire_owned().await;
     let (id, folder) = daemon.store.next();
     let kept = tokio::task::spawn_blocking(move || {
-        // Loaded for this shot alone: an idle daemon holds no network.
-        let loaded = paper.then(|| inference::load_paper(variant, &settings));
-        let loaded = loaded.transpose().map_err(unusable)?;
-        if loaded.is_some() {
-            let runtime = inference::Runtime::start(&settings).map_err(unusable)?;
-            lights.warnings.extend(runtime.warning.clone());
-        }
+        let answering = if request.relight {
+            // Loaded for this shot alone: an idle daemon holds no network.
+            let ready = darkroom::ready(asked, &settings);
+            let (answering, said) = ready.map_err(|error| SessionError::from(error).fault())?;
+            lights.warnings.extend(said);
+            answering
+        } else {
+            Answering::Closed
+        };
         let lights = request.relight.then_some(&lights);
-        let (loaded, silent) = (loaded.as_ref(), &mut |_: &str| {});
-        let kept = session::keep(&taken, lights, loaded, &folder, Existing::Refuse, silent);
+        let (answering, silent) = (&answering, &mut |_: &str| {});
+        let kept = session::keep(&taken, lights, answering, &folder, Existing::Refuse, silent);
         drop(turn);
         kept.map_err(|error| error.fault())
     });
@@ -202,6 +209,27 @@ async fn take_and_keep(daemon: &Arc<Daemon>, body: &[u8]) -> Result<ShotReply, F
         files: kept.files,
         warnings: kept.warnings,
         shot: kept.manifest,
+    })
+}
+
+/// What the request asks to answer.
+fn asked(request: &ShotRequest) -> Result<Asked, String> {
+    let budget = match request.budget_ms {
+        None => None,
+        Some(_) if request.tier != Tier::Auto => {
+            return Err("budget_ms: given with another tier than auto; leave one out".to_owned());
+        }
+        Some(ms) if ms > 0.0 && ms <= 3.6e6 => Some(Duration::from_secs_f64(ms / 1e3)),
+        Some(ms) => {
+            return Err(format!(
+                "budget_ms is {ms}; it must be above 0 and at most 3600000"
+            ));
+        }
+    };
+    Ok(Asked {
+        tier: request.tier,
+        variant: request.variant,
+        budget,
     })
 }
 

@@ -1,8 +1,9 @@
-//! The developed shot under its lights: by the closed form, or by the paper's networks.
+//! The developed shot under its lights: by its model, or by the paper's networks.
 
-use super::{Clock, Order};
+use super::{Answering, Auto, Clock, DarkroomError, LoadNetwork, Order};
 use crate::{
     develop::Development,
+    parsimony::{Model, Shadow},
     relight::{
         RelightOptions, Relit,
         enlarge::Mix,
@@ -14,38 +15,57 @@ use drivers::Plane;
 /// One answer per lamp, in their order, and one for the environment, at the photograph's size.
 pub(super) fn lit(
     order: &Order<'_>,
-    development: &mut Development,
+    model: &mut Model,
     clock: &mut Clock,
     observe: &mut dyn FnMut(&str),
-) -> Result<Vec<Relit>, NetworkError> {
-    match order.paper {
-        Some(paper) => by_networks(paper, order, development, clock, observe),
-        None => Ok(by_closed_form(order, development, clock, observe)),
+) -> Result<Vec<Relit>, DarkroomError> {
+    match order.answering {
+        Answering::Closed => by_model(None, order, model, clock, observe),
+        Answering::Auto(Auto { network, .. }) => {
+            let load = network
+                .as_ref()
+                .filter(|_| model.terms.shadow == Shadow::Network && !order.lamps.is_empty());
+            by_model(load, order, model, clock, observe)
+        }
+        Answering::Paper(paper) => Ok(by_networks(
+            paper,
+            order,
+            &mut model.development,
+            clock,
+            observe,
+        )?),
     }
 }
 
-fn by_closed_form(
+fn by_model(
+    load: Option<&LoadNetwork>,
     order: &Order<'_>,
-    development: &Development,
+    model: &Model,
     clock: &mut Clock,
     observe: &mut dyn FnMut(&str),
-) -> Vec<Relit> {
-    let options = RelightOptions::default();
-    let prepared = &development.prepared;
+) -> Result<Vec<Relit>, DarkroomError> {
+    let network = match load {
+        Some(load) => {
+            clock.begin("load the network");
+            Some(load()?)
+        }
+        None => None,
+    };
     clock.begin("relight");
     let mut relit = Vec::with_capacity(order.lamps.len());
     for (index, lamp) in order.lamps.iter().enumerate() {
         observe(&format!("light {} of {}", index + 1, order.lamps.len()));
-        relit.push(development.finish(prepared.relight(lamp, options)));
+        relit.push(model.relight(lamp, network.as_deref())?);
     }
     if let Some((name, environment)) = order.environment {
         observe(name);
         clock.begin("environment");
+        let prepared = &model.development.prepared;
         let map = prepared.visibility_map();
-        let answer = prepared.environment(&map, environment, options);
-        relit.push(development.finish(answer));
+        let answer = prepared.environment(&map, environment, RelightOptions::default());
+        relit.push(model.development.finish(answer));
     }
-    relit
+    Ok(relit)
 }
 
 /// The networks' surfaces take the place of the closed form's.

@@ -18,7 +18,7 @@ pub(super) fn reduction(pixels: usize, working_pixels: usize) -> usize {
 }
 
 /// Means over squares of `factor` pixels; unknown pixels do not take part.
-pub(super) fn reduce(light: &FlashOnly, factor: usize) -> FlashOnly {
+pub fn reduced(light: &FlashOnly, factor: usize) -> FlashOnly {
     let area = (factor * factor) as f32;
     FlashOnly {
         light: LinearImage(mean(&light.light.0, factor)),

@@ -1,5 +1,6 @@
 //! Ways to answer "the same photograph under this lamp", and the three that stand in every table.
 
+use super::ours::Chosen;
 use crate::develop::Development;
 use crate::folder::{Capture, FolderError};
 use crate::relight::{Lamp, RelightOptions};
@@ -56,6 +57,11 @@ pub trait Study {
     /// What it takes the scene to be made of; empty where it does not ask.
     fn surfaces(&self) -> SurfaceAnswer<'_> {
         SurfaceAnswer::default()
+    }
+
+    /// The terms it models the capture with, where it chose them.
+    fn terms(&self) -> Option<Chosen> {
+        None
     }
 
     /// The photograph under light number `light` of the truth, which is `lamp`; `None` without an

@@ -13,6 +13,7 @@ pub mod learned;
 mod light_error;
 pub mod methods;
 mod mse_table;
+pub mod ours;
 mod photometric;
 pub mod published;
 mod regions;

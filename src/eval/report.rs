@@ -2,6 +2,7 @@
 
 use super::cost::Cost;
 use super::light_error::{Decibel, LightError};
+use super::ours::Chosen;
 use super::published::Published;
 use super::regions::RegionError;
 use super::shadow_error::ShadowError;
@@ -152,6 +153,8 @@ pub struct RowReport {
     pub surfaces: SceneReport,
     /// Lights of the truth that it did not answer, or answered no pixel of.
     pub absent_lights: usize,
+    /// The terms it modelled the capture with, where it chose them.
+    pub terms: Option<Chosen>,
     /// Its pictures against the truth; `None` when it answered no light.
     #[serde(flatten)]
     pub relit: Option<RelitReport>,

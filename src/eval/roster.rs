@@ -12,10 +12,20 @@ pub const PAPER_NOISY: &str = "paper's networks, trained on noisy depth";
 pub const PAPER_ENV: &str = "paper's Env network, room light left in";
 /// Row 5.
 pub const SIPS: &str = "SIPS: surfaces without depth";
+/// Row 8, with every term.
+pub const OURS_EVERYTHING: &str = "ours, everything";
+/// Row 8, with the terms that a shot needs.
+pub const OURS_AUTO: &str = "ours, auto";
+/// Row 8, with the terms that held-out samples ask for.
+pub const OURS_ONE_STANDARD_ERROR: &str = "ours, terms by one standard error";
+/// Row 8, with the terms that the Bayesian information criterion asks for.
+pub const OURS_BIC: &str = "ours, terms by BIC";
+
+const NOT_ASKED: &str = "not asked";
 
 /// Rows that every table has beyond the first three: number, name, why they are missing unless
 /// [`Roster::fill`] or [`Roster::miss`] says otherwise.
-const STANDING: [(u8, &str, &str); 7] = [
+const STANDING: [(u8, &str, &str); 10] = [
     (4, PAPER_CLEAN, "no trained networks at hand"),
     (4, PAPER_NOISY, "no trained networks at hand"),
     (4, PAPER_ENV, "no trained networks at hand"),
@@ -30,11 +40,10 @@ const STANDING: [(u8, &str, &str); 7] = [
         "reconstruction: mesh, path-traced",
         "no answers given (--answers 7=DIR)",
     ),
-    (
-        8,
-        "ours, each tier and adaptive",
-        "no tier beyond the closed form yet",
-    ),
+    (8, OURS_EVERYTHING, NOT_ASKED),
+    (8, OURS_AUTO, NOT_ASKED),
+    (8, OURS_ONE_STANDARD_ERROR, NOT_ASKED),
+    (8, OURS_BIC, NOT_ASKED),
 ];
 
 /// A row that the roster already holds.
@@ -205,7 +214,9 @@ mod tests {
     #[test]
     fn a_method_takes_the_place_of_its_missing_row_and_further_ones_stand_beneath() {
         let mut roster = Roster::standing(RelightOptions::default());
-        let standing = ["1", "2", "3", "4a", "4b", "4c", "5", "6", "7", "8"];
+        let standing = [
+            "1", "2", "3", "4a", "4b", "4c", "5", "6", "7", "8a", "8b", "8c", "8d",
+        ];
         assert_eq!(labels(&roster), standing);
         for (number, name) in [(4, PAPER_NOISY), (6, "OSS of another seed")] {
             roster.fill(Box::new(Named(number, name))).unwrap();

@@ -54,6 +54,7 @@ impl<'a> RowRun<'a> {
     pub(super) fn report(self, scale_known: bool, surfaces: SceneReport) -> Option<RowReport> {
         let row = self.row;
         let absent_lights = self.absent_lights;
+        let terms = self.study.terms();
         let relit = self.relit(scale_known);
         let compared = relit.is_some() || !surfaces.is_empty();
         compared.then(|| RowReport {
@@ -62,6 +63,7 @@ impl<'a> RowRun<'a> {
             name: row.name.clone(),
             surfaces,
             absent_lights,
+            terms,
             relit,
         })
     }

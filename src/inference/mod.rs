@@ -62,6 +62,14 @@ pub fn check_paper(variant: Variant, settings: &Settings) -> Result<(), Inferenc
     Ok(())
 }
 
+/// Reads and checks the file of one network, and loads nothing.
+///
+/// # Errors
+/// [`InferenceError`] as [`load`].
+pub fn check(name: &str, variant: &str, settings: &Settings) -> Result<(), InferenceError> {
+    ModelFile::read(Manifest::embedded()?.model(name, variant)?, settings).map(drop)
+}
+
 /// Loads the paper's three networks, and starts the runtime if none runs yet.
 ///
 /// # Errors

@@ -1,13 +1,17 @@
 //! A look at a small copy of the shot: what each term would change, and what the shot says for it.
 
-use super::{depth::depth_scores, rule::Scores, terms::Terms};
+use super::{
+    depth::depth_scores,
+    rule::{Rule, Scores},
+    terms::Terms,
+};
 use crate::{
     develop::{DevelopError, Options, Working, work_out},
     radiometry::FlashOnly,
     relight::{
         Blocked, Indirect, Lamp, Prepared, RelightOptions, Relit, Shadows,
         enlarge::enlarge_relit,
-        networks::{Doubt, NETWORK_ERROR},
+        networks::{Doubt, UNSHADOWED},
     },
     scene::{Material, Shine},
     shot::Shot,
@@ -28,11 +32,18 @@ const PROBES: [[f32; 3]; 6] = [
     [-0.2, -0.7, 0.68],
 ];
 
-/// Smallest change that a picture of 8 bits shows, linear light of white = 1.
-const LEAST_CHANGE: f32 = 1.0 / 256.0;
+/// Smallest change worth making, linear light of white = 1: just visible in middle tones.
+const LEAST_CHANGE: f32 = 0.007;
+
+/// A small copy's pixels are wider than highlights: what they change in the picture is so much more
+/// (rendered validation captures).
+const HIGHLIGHTS: f32 = 2.5;
+/// Halving the grid of a small copy loses more than halving that of the picture: what it loses in the
+/// picture is this share (rendered validation captures).
+const COARSER: f32 = 0.5;
 
 /// What a term changes in the relit pictures when it is left out, root mean square over the probes'
-/// pixels, linear light of white = 1.
+/// pixels, linear light of white = 1; infinite where it is out of the question.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct Changes {
     /// One plane; half the grid.
@@ -48,8 +59,8 @@ pub struct Changes {
 /// What a look at the small copy found.
 #[derive(Debug, Clone, Serialize)]
 pub struct Glance {
-    /// Noise of a relit picture that the photograph's own noise makes, root mean square, with what
-    /// a picture of 8 bits can show; linear light of white = 1.
+    /// Noise of a relit picture that the photograph's own noise makes, root mean square, with the
+    /// smallest change worth making; linear light of white = 1.
     pub noise: f32,
     /// What leaving terms out changes.
     pub changes: Changes,
@@ -62,6 +73,40 @@ pub struct Glance {
 }
 
 impl Glance {
+    /// What is typical, for when there is no time to look: medians over the rendered validation
+    /// captures.
+    pub fn typical() -> Self {
+        Self {
+            noise: LEAST_CHANGE,
+            changes: Changes {
+                geometry: [0.1, 0.02],
+                material: [0.04, 0.016],
+                shadow: [0.045, 0.008],
+                indirect: [0.0023, 0.0016],
+            },
+            depth: Scores::default(),
+            material: Scores::default(),
+            blocked: 0.08,
+        }
+    }
+
+    /// Nothing left out can be excused.
+    pub fn nothing_known() -> Self {
+        let all = [f32::INFINITY; 2];
+        Self {
+            noise: 0.0,
+            changes: Changes {
+                geometry: all,
+                material: all,
+                shadow: all,
+                indirect: all,
+            },
+            depth: Scores::default(),
+            material: Scores::default(),
+            blocked: 0.0,
+        }
+    }
+
     /// Looks at the shot. `flash_only` is its light.
     ///
     /// # Errors
@@ -101,19 +146,33 @@ impl Glance {
             let relit = pictures(&everything.prepared, options);
             change(&reference, &relit)
         };
+        let noise = noise(flash_only, &everything);
+        let geometry = [
+            // Many planes are none: what the depth's samples refute is not looked at.
+            if depth.pick(Rule::OneStandardError) == 0 {
+                without(Terms::FEWEST, PIXELS)?
+            } else {
+                f32::INFINITY
+            },
+            COARSER * without(Terms::CLOSED, PIXELS / 4)?,
+        ];
+        let one = HIGHLIGHTS * of_material(Material::OneRoughness)?;
+        let material = [
+            // Where one roughness will not do, none will not.
+            if one <= noise {
+                HIGHLIGHTS * of_material(Material::Matte)?
+            } else {
+                f32::INFINITY
+            },
+            one,
+        ];
         let even = everything.prepared.evenly_blocked(blocked);
         let shine = everything.scene.shine.clone().unwrap_or_default();
         Ok(Self {
-            noise: noise(flash_only, &everything),
+            noise,
             changes: Changes {
-                geometry: [
-                    without(Terms::FEWEST, PIXELS)?,
-                    without(Terms::CLOSED, PIXELS / 4)?,
-                ],
-                material: [
-                    of_material(Material::Matte)?,
-                    of_material(Material::OneRoughness)?,
-                ],
+                geometry,
+                material,
                 shadow: [
                     of_options(RelightOptions {
                         shadows: Shadows::None,
@@ -143,7 +202,7 @@ fn small_copy(
     terms: Terms,
     pixels: usize,
 ) -> Result<Working, DevelopError> {
-    let mut options = terms.options(base, usize::MAX, 0.0);
+    let mut options = terms.options(base, 0.0);
     options.working_pixels = pixels;
     options.scene.weigh_materials = terms == Terms::CLOSED;
     if terms != Terms::CLOSED {
@@ -182,33 +241,15 @@ fn change(reference: &[Relit], relit: &[Relit]) -> f32 {
     (sum / f64::from(count.max(1))).sqrt() as f32
 }
 
-/// What a network is expected to correct in swept shadows: where bodies half and twice as thick
-/// would answer differently, and where the depth's noise leaves it open, its answer and that of the
-/// slabs are weighed by their errors, and the error that goes is what it is worth.
+/// What a network is expected to correct, all probes together.
 fn correctable(prepared: &Prepared, reference: &[Relit], lamps: &[Lamp]) -> f32 {
     let doubt = Doubt::of(prepared);
-    let sums = lamps.par_iter().zip(reference).map(|(lamp, reference)| {
-        let options = RelightOptions {
-            shadows: Shadows::None,
-            indirect: Indirect::None,
-        };
-        let direct = prepared.relight(lamp, options);
+    let squares = lamps.par_iter().zip(reference).map(|(lamp, reference)| {
+        let direct = prepared.relight(lamp, UNSHADOWED);
         let errors = doubt.swept_errors(lamp, &reference.shadow);
-        let mut sum = 0.0f64;
-        let mut count = 0.0f64;
-        for (light, error) in direct.light.0.samples().iter().zip(errors.samples()) {
-            let goes = error * error / (error + NETWORK_ERROR);
-            let brightness = (shown(light[0]) + shown(light[1]) + shown(light[2])) / 3.0;
-            let worth = goes * brightness * brightness;
-            if worth.is_finite() {
-                sum += f64::from(worth);
-                count += 1.0;
-            }
-        }
-        (sum, count)
+        Doubt::correctable(&errors, &direct).powi(2)
     });
-    let (sum, count) = sums.reduce(|| (0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
-    (sum / count.max(1.0)).sqrt() as f32
+    (squares.sum::<f32>() / lamps.len().max(1) as f32).sqrt()
 }
 
 /// Noise of a relit picture: as large a share of it as that of the photograph is.

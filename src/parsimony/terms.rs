@@ -14,7 +14,7 @@ use std::fmt;
 pub enum Geometry {
     /// On one plane.
     Plane,
-    /// As the depth says, on a grid of half the pixels a side.
+    /// As the depth says, on a coarser grid.
     Smooth,
     /// As the depth says.
     Full,
@@ -80,19 +80,15 @@ impl Terms {
         indirect: Bounced::None,
     };
 
-    /// How a shot of so many pixels is developed with these terms. `blocked` is the mean share of the
-    /// hemisphere that the scene blocks, [0, 1].
-    pub fn options(self, base: &Options, pixels: usize, blocked: f32) -> Options {
+    /// How a shot is developed with these terms. `blocked` is the mean share of the hemisphere that the
+    /// scene blocks, [0, 1].
+    pub fn options(self, base: &Options, blocked: f32) -> Options {
         let mut options = *base;
         options.scene.material = self.material;
         options.scene.shape = match self.geometry {
             Geometry::Plane => Shape::Plane,
             Geometry::Smooth | Geometry::Full => Shape::Measured,
         };
-        if self.geometry != Geometry::Full {
-            // A plane is told as well by few pixels; its picture is the photograph's, rescaled.
-            options.working_pixels = base.working_pixels.min(pixels.div_ceil(4));
-        }
         options.prepare = Preparation {
             shadows: self.shadow != Shadow::None,
             blocked: match self.indirect {

@@ -3,11 +3,10 @@
 use super::{SessionError, Taken};
 use crate::{
     api::CheckedLights,
-    darkroom::{self, Order, Source},
+    darkroom::{self, Answering, Order, Source},
     output::{
         CommitError, Disk, Existing, FRAMES, Manifest, OutputError, Staging, manifest::MANIFEST,
     },
-    relight::networks::Paper,
 };
 use drivers::{DriverError, Frame, recording::Writer};
 use std::path::Path;
@@ -24,7 +23,7 @@ pub struct Kept {
 }
 
 /// Writes the frames of a shot, and with `lights` what it looks like under them, into `folder`;
-/// `paper` answers instead of the closed form.
+/// by what `answering` says.
 ///
 /// `observe` hears what is being done.
 ///
@@ -34,7 +33,7 @@ pub struct Kept {
 pub fn keep(
     taken: &Taken,
     lights: Option<&CheckedLights>,
-    paper: Option<&Paper>,
+    answering: &Answering,
     folder: &Path,
     existing: Existing,
     observe: &mut dyn FnMut(&str),
@@ -54,7 +53,7 @@ pub fn keep(
                     .environment
                     .as_ref()
                     .map(|(name, environment)| (name.as_str(), environment)),
-                paper,
+                answering,
                 warnings: lights.warnings.clone(),
                 attachments: &[(FRAMES, &frames)],
             };

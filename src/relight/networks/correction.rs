@@ -53,7 +53,25 @@ impl Doubt {
         Plane::new(shadow.width(), shadow.height(), errors.collect()).expect("one per pixel")
     }
 
-    /// The scene under one lamp, its shadows corrected by what `network` says of `feed`.
+    /// What a network is expected to correct under a lamp, where the swept answer's `errors` are known
+    /// and `direct` is the light without any shadow: the error that goes when both answers are weighed by
+    /// their errors, root mean square over the picture, linear light of white = 1.
+    pub fn correctable(errors: &Plane<f32>, direct: &Relit) -> f32 {
+        let (mut sum, mut count) = (0.0f64, 0.0f64);
+        for (light, error) in direct.light.0.samples().iter().zip(errors.samples()) {
+            let goes = error * error / (error + NETWORK_ERROR);
+            let brightness = light.map(|value| value.clamp(0.0, 1.0)).iter().sum::<f32>() / 3.0;
+            let worth = goes * brightness * brightness;
+            if worth.is_finite() {
+                sum += f64::from(worth);
+                count += 1.0;
+            }
+        }
+        (sum / count.max(1.0)).sqrt() as f32
+    }
+
+    /// The scene under one lamp, its shadows corrected by what `network` says of `feed`; the network is
+    /// not asked where it is expected to correct less than `tolerance` ([`Self::correctable`]).
     ///
     /// # Errors
     /// [`NetworkError`] of the network.
@@ -63,19 +81,17 @@ impl Doubt {
         lamp: &Lamp,
         network: &dyn Network,
         feed: &Feed,
+        tolerance: f32,
     ) -> Result<Relit, NetworkError> {
         let mut relit = prepared.relight(lamp, RelightOptions::default());
+        let direct = prepared.relight(lamp, UNSHADOWED);
+        let errors = self.swept_errors(lamp, &relit.shadow);
+        if Self::correctable(&errors, &direct) <= tolerance {
+            return Ok(relit);
+        }
         let cloud = seen_from(lamp.person_direction(), &feed.cloud);
         let [answer] = answers(network, &[("cloud", &cloud)], &[("shadow", 1)])?;
         let told = resampled(&plane::<1>(&answer).map(|[told]| *told), prepared.size());
-        let direct = prepared.relight(
-            lamp,
-            RelightOptions {
-                shadows: Shadows::None,
-                indirect: Indirect::None,
-            },
-        );
-        let errors = self.swept_errors(lamp, &relit.shadow);
         let corrected = relit.light.0.samples_mut().iter_mut();
         let corrected = corrected.zip(relit.shadow.samples_mut());
         for (index, (light, shadow)) in corrected.enumerate() {
@@ -92,3 +108,9 @@ impl Doubt {
         Ok(relit)
     }
 }
+
+/// The light that comes straight from the lamp, as if nothing stood in its way.
+pub const UNSHADOWED: RelightOptions = RelightOptions {
+    shadows: Shadows::None,
+    indirect: Indirect::None,
+};

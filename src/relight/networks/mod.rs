@@ -11,7 +11,7 @@ mod grid;
 mod paper;
 mod render;
 
-pub use correction::{Doubt, NETWORK_ERROR};
+pub use correction::{Doubt, UNSHADOWED};
 pub use feed::{Feed, Photograph};
 pub use grid::resampled;
 pub use paper::{Decomposed, Paper};

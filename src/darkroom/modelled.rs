@@ -1,0 +1,126 @@
+//! The shot, developed with the terms that its tier asks for or that it needs itself.
+
+use super::{
+    Clock, DarkroomError, Order,
+    answering::{Answering, Auto},
+    name_of, refuse_without_flash,
+};
+use crate::{
+    develop::{DevelopError, Options, Stage},
+    parsimony::{Criterion, Glance, Model, Plan, Rule, Terms, Workload},
+    radiometry,
+};
+use serde::Serialize;
+use std::time::Instant;
+
+/// A look may take this share of a budget; beyond it what is typical must do.
+const LOOKING_SHARE: f64 = 0.15;
+/// A plan may take this share of what is left of a budget: times scatter.
+const PLANNED_SHARE: f64 = 0.8;
+
+/// Why the terms are as they are; for `shot.json`.
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct Evidence {
+    /// The terms in words.
+    pub words: String,
+    /// The terms and their grid.
+    pub plan: Plan,
+    /// The budget, milliseconds.
+    pub budget_ms: Option<f64>,
+    /// What the look at a small copy found; `None` where there was no time for one.
+    pub glance: Option<Glance>,
+    /// What held-out samples would have asked for, by one standard error.
+    pub by_one_standard_error: Option<Terms>,
+    /// The same by the Bayesian information criterion.
+    pub by_bic: Option<Terms>,
+}
+
+/// Develops the shot.
+pub(super) fn modelled(
+    order: &Order<'_>,
+    clock: &mut Clock,
+    observe: &mut dyn FnMut(&str),
+) -> Result<(Model, Option<Evidence>), DarkroomError> {
+    let began = Instant::now();
+    let base = Options::default();
+    let shot = order.shot;
+    let (width, height) = shot.flash.pixels.size();
+    let work = Workload {
+        pixels: width * height,
+        working_pixels: base.working_pixels,
+        // An environment costs some eight lamps.
+        lamps: order.lamps.len() + 8 * usize::from(order.environment.is_some()),
+    };
+    if let Answering::Auto(Auto {
+        costs,
+        budget: Some(budget),
+        ..
+    }) = order.answering
+    {
+        Plan::check(1e3 * budget.as_secs_f64(), costs, work)?;
+    }
+    clock.begin(name_of(Stage::Radiometry));
+    observe(Stage::Radiometry.description());
+    let flash_only = radiometry::subtract(&shot.flash, &shot.ambient, &base.subtract)
+        .map_err(DevelopError::from)?;
+    refuse_without_flash(order, &flash_only.report)?;
+    let (plan, glance, evidence) = match order.answering {
+        Answering::Closed | Answering::Paper(_) => {
+            (Plan::closed(work), Glance::nothing_known(), None)
+        }
+        Answering::Auto(auto) => {
+            let look = auto.budget.is_none_or(|budget| {
+                auto.costs.glance.at(work.pixels) < LOOKING_SHARE * 1e3 * budget.as_secs_f64()
+            });
+            clock.begin("choose");
+            observe("choosing what to model");
+            let glance = if look {
+                Some(Glance::at(shot, &flash_only, &base)?)
+            } else {
+                None
+            };
+            let (plan, evidence) = chosen(auto, glance, work, began);
+            let glance = evidence.glance.clone().unwrap_or_else(Glance::typical);
+            (plan, glance, Some(evidence))
+        }
+    };
+    let model = Model::new(shot, flash_only, &plan, &glance, &base, &mut |stage| {
+        clock.begin(name_of(stage));
+        observe(stage.description());
+    })?;
+    Ok((model, evidence))
+}
+
+fn chosen(auto: &Auto, glance: Option<Glance>, work: Workload, began: Instant) -> (Plan, Evidence) {
+    let known = glance.clone().unwrap_or_else(Glance::typical);
+    let sufficient =
+        |criterion| Plan::sufficient(&known, criterion, &auto.costs, work, auto.network.is_some());
+    let enough = sufficient(Criterion::Visible);
+    let plan = match auto.budget {
+        None => enough,
+        Some(budget) => {
+            let spent_ms = 1e3 * began.elapsed().as_secs_f64();
+            let left_ms = PLANNED_SHARE * (1e3 * budget.as_secs_f64() - spent_ms);
+            // What is enough is enough, however much time there is.
+            if enough.expected_ms <= left_ms {
+                enough
+            } else {
+                Plan::within(left_ms, &known, &auto.costs, work, auto.network.is_some())
+            }
+        }
+    };
+    let by = |rule| {
+        glance
+            .as_ref()
+            .map(|_| sufficient(Criterion::Predicted(rule)).terms)
+    };
+    let evidence = Evidence {
+        words: plan.terms.to_string(),
+        plan,
+        budget_ms: auto.budget.map(|budget| 1e3 * budget.as_secs_f64()),
+        by_one_standard_error: by(Rule::OneStandardError),
+        by_bic: by(Rule::Bic),
+        glance,
+    };
+    (plan, evidence)
+}

@@ -1,0 +1,141 @@
+//! Row 8: our own model, with every term or with those that a shot needs.
+
+use super::methods::{
+    Answer, AnswerTime, Method, MethodError, Study, Subject, SurfaceAnswer, of_scene,
+};
+use super::roster::{OURS_AUTO, OURS_BIC, OURS_EVERYTHING, OURS_ONE_STANDARD_ERROR};
+use crate::develop;
+use crate::parsimony::{CostModel, Criterion, Glance, Model, Plan, Rule, Terms, Workload};
+use crate::relight::{Lamp, networks::Network};
+use serde::Serialize;
+use std::rc::Rc;
+use std::time::Instant;
+
+/// How the terms are chosen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Choice {
+    /// All of them.
+    Everything,
+    /// By a criterion.
+    By(Criterion),
+}
+
+impl Choice {
+    /// Every way that stands in the table.
+    pub const ALL: [Self; 4] = [
+        Self::Everything,
+        Self::By(Criterion::Visible),
+        Self::By(Criterion::Predicted(Rule::OneStandardError)),
+        Self::By(Criterion::Predicted(Rule::Bic)),
+    ];
+
+    /// The row's name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Everything => OURS_EVERYTHING,
+            Self::By(Criterion::Visible) => OURS_AUTO,
+            Self::By(Criterion::Predicted(Rule::OneStandardError)) => OURS_ONE_STANDARD_ERROR,
+            Self::By(Criterion::Predicted(Rule::Bic)) => OURS_BIC,
+        }
+    }
+}
+
+/// Our model.
+pub struct Ours {
+    /// How its terms are chosen.
+    pub choice: Choice,
+    /// What terms cost here.
+    pub costs: CostModel,
+    /// The shadow network; without one, swept shadows are the most there is.
+    pub network: Option<Rc<dyn Network>>,
+    /// How shots are developed.
+    pub develop: develop::Options,
+}
+
+/// The terms that a capture was modelled with.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Chosen {
+    /// The terms.
+    pub terms: Terms,
+    /// By how much a side of the photograph's grid was shrunk.
+    pub factor: usize,
+    /// What leaving the others out was expected to change, root mean square, linear light, white = 1.
+    pub expected_change: f32,
+    /// Choosing, milliseconds.
+    pub choosing_ms: f64,
+    /// Developing with the terms from the flash's light on, milliseconds.
+    pub developing_ms: f64,
+}
+
+impl Method for Ours {
+    fn row(&self) -> u8 {
+        8
+    }
+
+    fn name(&self) -> &str {
+        self.choice.name()
+    }
+
+    fn study<'a>(&'a self, subject: Subject<'a>) -> Result<Box<dyn Study + 'a>, MethodError> {
+        let shot = &subject.capture.shot;
+        let flash_only = subject.development.flash_only.clone();
+        let work = Workload {
+            pixels: flash_only.light.0.len(),
+            working_pixels: self.develop.working_pixels,
+            // As if a person asked for a handful.
+            lamps: 4,
+        };
+        let failed = |error: develop::DevelopError| MethodError::Silent(error.to_string());
+        let began = Instant::now();
+        let network = self.network.is_some();
+        let (glance, criterion) = match self.choice {
+            Choice::Everything => (Glance::nothing_known(), Criterion::Visible),
+            Choice::By(criterion) => {
+                let glance = Glance::at(shot, &flash_only, &self.develop).map_err(failed)?;
+                (glance, criterion)
+            }
+        };
+        let plan = Plan::sufficient(&glance, criterion, &self.costs, work, network);
+        let choosing = began.elapsed();
+        let began = Instant::now();
+        let model = Model::new(shot, flash_only, &plan, &glance, &self.develop, &mut |_| ());
+        let model = model.map_err(failed)?;
+        let chosen = Chosen {
+            terms: plan.terms,
+            factor: plan.factor,
+            expected_change: plan.change,
+            choosing_ms: 1e3 * choosing.as_secs_f64(),
+            developing_ms: 1e3 * began.elapsed().as_secs_f64(),
+        };
+        Ok(Box::new(OurStudy {
+            model,
+            chosen,
+            network: self.network.as_deref(),
+        }))
+    }
+}
+
+struct OurStudy<'a> {
+    model: Model,
+    chosen: Chosen,
+    network: Option<&'a dyn Network>,
+}
+
+impl Study for OurStudy<'_> {
+    fn surfaces(&self) -> SurfaceAnswer<'_> {
+        of_scene(&self.model.development)
+    }
+
+    fn terms(&self) -> Option<Chosen> {
+        Some(self.chosen)
+    }
+
+    fn relight(&mut self, _: usize, lamp: &Lamp) -> Result<Option<Answer>, MethodError> {
+        let relit = self.model.relight(lamp, self.network)?;
+        Ok(Some(Answer {
+            light: relit.light.0,
+            shadow: Some(relit.shadow),
+            time: AnswerTime::Call,
+        }))
+    }
+}
