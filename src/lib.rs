@@ -11,6 +11,7 @@ pub mod registration;
 pub mod scene;
 pub mod relight;
 pub mod develop;
+pub mod verdict;
 pub mod parsimony;
 pub mod corruption;
 // ---- above: pure; below: IO ----

@@ -1,5 +1,6 @@
 //! Result + truth → numbers and charts.
 
+mod auroc;
 mod bench;
 mod capture_run;
 pub mod charts;
@@ -27,6 +28,7 @@ pub mod summary;
 mod surface_error;
 mod table;
 
+pub use auroc::auroc;
 pub use cost::Cost;
 pub use evaluation::{EvalError, EvalOptions, NoisyDepth, Progress, evaluate};
 pub use foreign::ForeignRow;

@@ -1,0 +1,70 @@
+//! How sharp the photograph's own edges are, direction by direction.
+
+use super::{
+    Finding,
+    look::{Look, quantile},
+};
+use rayon::prelude::*;
+
+/// Contrast of an edge that tells, in natural logarithms, over its full width.
+const CONTRAST: f32 = 0.3;
+/// Half the width over which an edge's contrast is taken, pixels at 256×256.
+const REACH: f32 = 5.0;
+/// Of the edges of a direction, the share that are blurred where something else blurs them.
+const SHARPEST: f32 = 0.85;
+/// Only every so many rows are looked at.
+const EVERY: usize = 2;
+/// Fewer edges of a direction tell nothing.
+const FEWEST: usize = 40;
+/// Width of the sharpest edges, pixels at 256×256, that does harm.
+const HARMFUL_WIDTH: f32 = 2.6;
+
+/// Edges smeared along the way of a moving hand, and a pair that lies apart.
+pub(super) fn hand_shake(look: &Look<'_>) -> Finding {
+    let pixel = look.side() / 256.0;
+    let widths: Vec<f32> = [(1, 0), (0, 1), (1, 1), (1, -1)]
+        .into_par_iter()
+        .filter_map(|direction| edge_width(look, direction))
+        .collect();
+    let widest = widths.iter().copied().fold(0.0, f32::max) / pixel;
+    let [right, down] = look.development.flash_only.report.shift_pixels;
+    let apart = right.hypot(down) / (look.stride as f32 * pixel);
+    let score = (widest / HARMFUL_WIDTH).max(0.2 * apart);
+    Finding::new("hand-shake", score, None, || {
+        format!(
+            "even the sharpest edges of one direction are {:.0} pixels wide: the camera moved; hold it against something or expose shorter",
+            widest * pixel * look.stride as f32
+        )
+    })
+}
+
+/// Width in pixels of the sharpest edges that run across a direction; `None` where there are few.
+fn edge_width(look: &Look<'_>, (dx, dy): (isize, isize)) -> Option<f32> {
+    let (width, height) = look.size();
+    let length = ((dx * dx + dy * dy) as f32).sqrt();
+    let reach = ((REACH * look.side() / 256.0 / length).round() as isize).max(2);
+    let widths: Vec<f32> = (reach as usize..height.saturating_sub(reach as usize))
+        .into_par_iter()
+        .step_by(EVERY)
+        .with_min_len(16)
+        .flat_map_iter(|y| {
+            (reach..width as isize - reach).filter_map(move |x| {
+                let at = |steps: isize| {
+                    look.light[(
+                        (x + steps * dx) as usize,
+                        (y as isize + steps * dy) as usize,
+                    )]
+                };
+                let slope = (at(1) - at(0)).abs();
+                let whole = (at(reach) - at(-reach)).abs();
+                // A peak of the slope; false for NaN.
+                let peak = slope >= (at(2) - at(1)).abs() && slope > (at(0) - at(-1)).abs();
+                (peak && whole > CONTRAST).then(|| (whole / slope).max(1.0) * length)
+            })
+        })
+        .collect();
+    if widths.len() < FEWEST {
+        return None;
+    }
+    quantile(widths, 1.0 - SHARPEST)
+}

@@ -1,0 +1,79 @@
+//! What to doubt about a shot, asked of the shot itself: one finding per way a shot can fail, and
+//! how far each pixel is to be trusted.
+//!
+//! Nothing here knows the truth. Each detector measures one physical quantity of the pixels, of the
+//! depth samples, or of how they agree, and divides it by the amount from which it does harm.
+
+mod blocks;
+mod blur;
+mod confidence;
+mod depth_samples;
+mod finding;
+mod light;
+mod look;
+mod pair;
+mod shading;
+mod steps;
+mod thin;
+
+pub use finding::Finding;
+
+use crate::{develop::Development, shot::Shot};
+use drivers::Plane;
+use look::Look;
+
+/// What a shot says about itself.
+#[derive(Debug, Clone)]
+pub struct Verdict {
+    /// One for each failure mode, in the order of the corruptions' table, then occluders outside
+    /// the picture.
+    pub findings: Vec<Finding>,
+    /// How far to trust a pixel of the working grid, 0 (a guess) to 1; NaN = neither light nor depth
+    /// is known.
+    pub confidence: Plane<f32>,
+}
+
+impl Verdict {
+    /// What is harmful, worst first.
+    pub fn harmful(&self) -> Vec<&Finding> {
+        let mut harmful: Vec<&Finding> = self.findings.iter().filter(|f| f.is_harmful()).collect();
+        harmful.sort_by(|a, b| b.score.total_cmp(&a.score));
+        harmful
+    }
+}
+
+/// Judges a shot by itself and by what became of it. `development` is that of `shot`, its variance
+/// still there.
+pub fn judge(shot: &Shot, development: &Development) -> Verdict {
+    let look = Look::of(shot, development);
+    let steps = steps::Steps::of(&look);
+    let speckle = depth_samples::Samples::of(&look);
+    let pair = pair::Pair::of(&look);
+    let shading = shading::Shading::of(&look);
+    let findings = vec![
+        speckle.noise(),
+        speckle.holes(),
+        speckle.flying(),
+        shading.multipath(),
+        steps.phase_wrap(&look),
+        steps.misalignment(&look),
+        depth_samples::resolution(&look),
+        light::bright_ambient(&look),
+        light::flash_saturation(&look),
+        pair.motion(),
+        blur::hand_shake(&look),
+        pair.mains_flicker(),
+        shading.wrong_transfer(),
+        light::sensor_noise(&look),
+        blocks::jpeg(&look),
+        speckle.infrared_black(),
+        steps.mirror(),
+        thin::thin_structures(&look),
+        steps.occluders_outside(&look),
+    ];
+    let confidence = confidence::confidence(&look, &steps);
+    Verdict {
+        findings,
+        confidence,
+    }
+}

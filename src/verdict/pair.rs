@@ -1,0 +1,228 @@
+//! Flash and ambient photograph against each other: what moved, and lamps that pulse.
+
+use super::{
+    Finding,
+    finding::percent,
+    look::{Look, quantile},
+};
+use crate::radiometry::linearise;
+use drivers::Plane;
+use rayon::prelude::*;
+
+/// Side of a block that is looked for, in pixels of the halved grid at 256×256.
+const BLOCK: usize = 12;
+/// How far a block is looked for, the same pixels.
+const REACH: isize = 8;
+/// Contrast of a block, standard deviation of the light's logarithm, that can be found again.
+const CONTRAST: f32 = 0.05;
+/// Correlation a block found again has at least, and gains at least by its shift.
+const FOUND: f32 = 0.7;
+const GAINED: f32 = 0.05;
+/// Share of the blocks that have moved.
+const HARMFUL_MOVED: f32 = 0.03;
+/// Swing of the room's light from row to row, as a share of it, times its share of the flash's.
+const HARMFUL_SWING: f32 = 0.04;
+/// Pulses during one picture that are looked for.
+const PULSES: std::ops::RangeInclusive<usize> = 2..=12;
+
+/// What the pair shows.
+pub(super) struct Pair {
+    moved: f32,
+    swing: f32,
+    room_to_flash: f32,
+}
+
+impl Pair {
+    pub fn of(look: &Look<'_>) -> Self {
+        let report = &look.development.flash_only.report;
+        let mut pair = Self {
+            moved: report.moved_fraction,
+            swing: 0.0,
+            room_to_flash: report.ambient_to_flash,
+        };
+        let Some(room) = look.shot.ambient.first() else {
+            return pair;
+        };
+        let (Ok(flash), Ok(room)) = (linearise(&look.shot.flash), linearise(room)) else {
+            return pair;
+        };
+        let (width, height) = flash.0.size();
+        let stride = (width.max(height) / 128).max(1);
+        let size = (width / stride, height / stride);
+        let halved = |light: &Plane<[f32; 3]>| halved(light, stride, size);
+        let (flash, room) = rayon::join(|| halved(&flash.0), || halved(&room.0));
+        pair.swing = swing(&flash, &room);
+        pair.moved = pair.moved.max(moved(&flash, &room));
+        pair
+    }
+
+    pub fn motion(&self) -> Finding {
+        Finding::new(
+            "motion",
+            self.moved / HARMFUL_MOVED,
+            Some(self.moved),
+            || {
+                format!(
+                    "{} of the picture moved between the frames; hold still, or take the frames closer together",
+                    percent(self.moved)
+                )
+            },
+        )
+    }
+
+    pub fn mains_flicker(&self) -> Finding {
+        let harm = self.swing * self.room_to_flash.min(1.0);
+        Finding::new("mains-flicker", harm / HARMFUL_SWING, None, || {
+            format!(
+                "the room's light pulses by {} while rows are read out; expose for whole periods of the mains or switch the lamps off",
+                percent(self.swing)
+            )
+        })
+    }
+}
+
+/// Logarithm of the light's mean over squares of `stride` pixels; NaN = dark or unknown.
+fn halved(light: &Plane<[f32; 3]>, stride: usize, (width, height): (usize, usize)) -> Plane<f32> {
+    let rows: Vec<Vec<f32>> = (0..height)
+        .into_par_iter()
+        .map(|y| {
+            let mut sums = vec![0.0f32; width];
+            for y in y * stride..(y + 1) * stride {
+                let row = light.row(y);
+                for (x, sum) in sums.iter_mut().enumerate() {
+                    for rgb in &row[x * stride..(x + 1) * stride] {
+                        *sum += rgb[0] + rgb[1] + rgb[2];
+                    }
+                }
+            }
+            let area = (3 * stride * stride) as f32;
+            sums.iter().map(|sum| (sum / area).max(0.0).ln()).collect()
+        })
+        .collect();
+    let samples = rows
+        .concat()
+        .iter()
+        .map(|v| if v.is_finite() { *v } else { f32::NAN })
+        .collect();
+    Plane::new(width, height, samples).unwrap_or_default()
+}
+
+/// Amplitude of the strongest pulse over the rows that the room's light has and the flash's frame
+/// has not, as a share of the light.
+fn swing(flash: &Plane<f32>, room: &Plane<f32>) -> f32 {
+    let (width, height) = room.size();
+    // From row to row, the median over the columns: neither texture nor outlines count.
+    let rise = |plane: &Plane<f32>, y: usize| {
+        let rises = (0..width)
+            .map(|x| plane[(x, y + 1)] - plane[(x, y)])
+            .collect();
+        quantile(rises, 0.5).unwrap_or(0.0)
+    };
+    let mut profile = vec![0.0f32; height];
+    for y in 0..height.saturating_sub(1) {
+        profile[y + 1] = profile[y] + rise(room, y) - rise(flash, y);
+    }
+    let strengths: Vec<f32> = PULSES.map(|pulses| strength(&profile, pulses)).collect();
+    let rest = quantile(strengths.clone(), 0.5).unwrap_or(0.0);
+    strengths.into_iter().fold(0.0, f32::max) - rest
+}
+
+/// Amplitude of one frequency in a profile, its straight line taken out.
+fn strength(profile: &[f32], pulses: usize) -> f32 {
+    let count = profile.len() as f32;
+    let last = profile.last().copied().unwrap_or(0.0);
+    let (mut re, mut im, mut weights) = (0.0, 0.0, 0.0);
+    let mean = profile.iter().sum::<f32>() / count.max(1.0);
+    for (i, value) in profile.iter().enumerate() {
+        let t = (i as f32 + 0.5) / count;
+        let window = (std::f32::consts::PI * t).sin().powi(2);
+        let value = value - mean - last * (t - 0.5);
+        let (sin, cos) = (std::f32::consts::TAU * pulses as f32 * t).sin_cos();
+        re += window * value * cos;
+        im += window * value * sin;
+        weights += window;
+    }
+    2.0 * re.hypot(im) / f32::max(weights, 1.0)
+}
+
+/// Share of the blocks that lie elsewhere in the other picture than most do.
+fn moved(flash: &Plane<f32>, room: &Plane<f32>) -> f32 {
+    let (width, height) = flash.size();
+    let corners: Vec<(usize, usize)> = (0..height.saturating_sub(BLOCK - 1))
+        .step_by(BLOCK)
+        .flat_map(|y| {
+            (0..width.saturating_sub(BLOCK - 1))
+                .step_by(BLOCK)
+                .map(move |x| (x, y))
+        })
+        .collect();
+    let shifts: Vec<[isize; 2]> = corners
+        .par_iter()
+        .filter_map(|&corner| shift_of(flash, room, corner))
+        .collect();
+    if shifts.is_empty() {
+        return 0.0;
+    }
+    let middle = |axis: usize| {
+        quantile(shifts.iter().map(|shift| shift[axis] as f32).collect(), 0.5).unwrap_or(0.0)
+    };
+    let (right, down) = (middle(0), middle(1));
+    let stray = shifts
+        .iter()
+        .filter(|[dx, dy]| (*dx as f32 - right).hypot(*dy as f32 - down) > 1.0)
+        .count();
+    stray as f32 / corners.len() as f32
+}
+
+/// Where a block of the first picture lies in the second; `None` where it cannot be told.
+fn shift_of(
+    first: &Plane<f32>,
+    second: &Plane<f32>,
+    (left, top): (usize, usize),
+) -> Option<[isize; 2]> {
+    let block = |plane: &Plane<f32>, left: isize, top: isize| -> Option<[f32; BLOCK * BLOCK]> {
+        let (width, height) = plane.size();
+        let (left, top) = (usize::try_from(left).ok()?, usize::try_from(top).ok()?);
+        if left + BLOCK > width || top + BLOCK > height {
+            return None;
+        }
+        let mut values = [0.0; BLOCK * BLOCK];
+        for (y, row) in values.chunks_mut(BLOCK).enumerate() {
+            row.copy_from_slice(&plane.row(top + y)[left..left + BLOCK]);
+        }
+        let mean = values.iter().sum::<f32>() / (BLOCK * BLOCK) as f32;
+        values.iter_mut().for_each(|value| *value -= mean);
+        let power = values.iter().map(|v| v * v).sum::<f32>().sqrt();
+        // False for NaN.
+        (power > CONTRAST * BLOCK as f32).then(|| values.map(|v| v / power))
+    };
+    let pattern = block(first, left as isize, top as isize)?;
+    let correlation = |dx: isize, dy: isize| {
+        let seen = block(second, left as isize + dx, top as isize + dy)?;
+        Some(pattern.iter().zip(&seen).map(|(a, b)| a * b).sum::<f32>())
+    };
+    let none = correlation(0, 0)?;
+    if none > 0.97 {
+        return Some([0, 0]);
+    }
+    let mut best = (none + GAINED, [0, 0]);
+    let mut look_at = |dx: isize, dy: isize| {
+        if let Some(found) = correlation(dx, dy).filter(|found| *found > best.0) {
+            best = (found, [dx, dy]);
+        }
+        best.1
+    };
+    // Coarsely, then around the best.
+    let mut near = [0, 0];
+    for dy in (-REACH..=REACH).step_by(2) {
+        for dx in (-REACH..=REACH).step_by(2) {
+            near = look_at(dx, dy);
+        }
+    }
+    for dy in near[1] - 1..=near[1] + 1 {
+        for dx in near[0] - 1..=near[0] + 1 {
+            look_at(dx, dy);
+        }
+    }
+    (best.0 > FOUND).then_some(best.1)
+}
