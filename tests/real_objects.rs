@@ -4,7 +4,7 @@
 //! named by `CAPTURED_DATA`, else `../shared/data` beside the workspace, and skip without it.
 
 use captured::eval::report::{CaptureReport, RelitReport};
-use captured::eval::{EvalOptions, Report, ReportFolder, Roster, evaluate};
+use captured::eval::{EvalOptions, Ledger, Report, ReportFolder, Roster, evaluate};
 use captured::folder;
 use captured::relight::RelightOptions;
 use std::path::PathBuf;
@@ -29,8 +29,8 @@ fn evaluated(name: &str) -> Option<Report> {
         development_runs: 1,
         ..EvalOptions::default()
     };
-    let report =
-        evaluate(&[capture], &roster, &options, |_| {}).expect("a real capture can be evaluated");
+    let report = evaluate(&[capture], &roster, &options, &Ledger::none(), |_| {})
+        .expect("a real capture can be evaluated");
     eprintln!("{report}");
     if let Some(folder) = std::env::var_os("CAPTURED_CHARTS") {
         let folder = PathBuf::from(folder);

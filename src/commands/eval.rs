@@ -1,19 +1,21 @@
 //! `eval`: captures with truth, measured.
 
 use super::{
-    Answer, CommandError, error::InputError, inference::BackendArguments, input, progress::Progress,
+    Answer, CommandError, contents, error::InputError, inference::BackendArguments, input,
+    progress::Progress, spoiling::SpoilingArguments,
 };
 use crate::{
     config::Config,
     corruption::DepthNoise,
     costs,
     eval::{
-        EvalOptions, ForeignRow, NoisyDepth, ReportFolder, Roster, evaluate,
+        EvalOptions, ForeignRow, Ledger, NoisyDepth, ReportFolder, Roster, evaluate,
         learned::{ThreeNetworks, WithRoomLight, WithoutDepth},
         methods::Method,
         ours::{Choice, Ours},
         roster,
     },
+    folder::{Capture, mask_beside, truth_beside},
     inference::{self, InferenceError, Settings},
     relight::{
         RelightOptions,
@@ -59,6 +61,8 @@ pub struct Eval {
     #[arg(long)]
     no_networks: bool,
     #[command(flatten)]
+    spoiling: SpoilingArguments,
+    #[command(flatten)]
     backend: BackendArguments,
 }
 
@@ -90,7 +94,7 @@ impl Eval {
             .as_deref()
             .map(ReportFolder::begin)
             .transpose()?;
-        let progress = Progress::of(self.captures.len(), "reading");
+        let progress = Progress::of_share("reading");
         let captures = self
             .captures
             .iter()
@@ -98,16 +102,20 @@ impl Eval {
             .collect::<Result<Vec<_>, _>>()?;
         let options = EvalOptions {
             noisy: self.depth_noise,
+            spoiling: self.spoiling.asked(),
             ..EvalOptions::default()
         };
-        let report = evaluate(&captures, &roster, &options, |now| {
-            progress.doing(now.capture);
-            progress.reach(now.captures_done);
+        let ledger = self.ledger(&captures, &roster, &options, config)?;
+        let report = evaluate(&captures, &roster, &options, &ledger, |now| {
+            progress.doing(&format!("{} {}", now.capture, now.state));
+            progress.reach(now.done);
         })?;
         if let Some(folder) = folder {
             progress.doing("writing");
             folder.write(&report)?;
         }
+        let taken_over = ledger.taken_over();
+        ledger.close();
         drop(progress);
         let mut text = report.to_string().trim_end().to_owned();
         if let Some(folder) = &self.report {
@@ -116,7 +124,55 @@ impl Eval {
                 folder.display()
             ));
         }
-        Ok(Answer::new(text, &report).with_warnings(warnings))
+        let answer = Answer::new(text, &report).with_warnings(warnings);
+        Ok(match taken_over {
+            0 => answer,
+            parts => answer.with_note(format!(
+                "{parts} parts were taken over from a run that was stopped"
+            )),
+        })
+    }
+
+    /// Where finished parts are kept and looked for: nowhere without a report.
+    fn ledger(
+        &self,
+        captures: &[Capture],
+        roster: &Roster,
+        options: &EvalOptions,
+        config: &Config,
+    ) -> Result<Ledger, CommandError> {
+        let Some(report) = &self.report else {
+            return Ok(Ledger::none());
+        };
+        let mut run = blake3::Hasher::new();
+        // The very program: another build may measure something else.
+        if let Ok(program) = std::env::current_exe() {
+            run.update(contents::of(&[&program])?.as_bytes());
+        }
+        let rows: Vec<String> = roster.rows().iter().map(|row| row.to_string()).collect();
+        let backend = self.backend.settings(config);
+        let EvalOptions {
+            develop,
+            development_runs,
+            noisy,
+            spoiling,
+        } = options;
+        // Which ways and how many captures are asked for changes no part.
+        let spoiling = spoiling
+            .as_ref()
+            .map(|spoiling| (&spoiling.severities, spoiling.seed, spoiling.lights));
+        let options = (develop, development_runs, noisy, spoiling);
+        run.update(format!("{options:?} {rows:?} {backend:?}").as_bytes());
+        for row in self.answers.iter().chain(&self.noisy_answers) {
+            run.update(contents::of(&[&row.folder])?.as_bytes());
+        }
+        let named = captures.iter().zip(&self.captures).map(|(capture, path)| {
+            let beside = [truth_beside(path), mask_beside(path)];
+            let parts = [path.as_path(), &beside[0], &beside[1]];
+            Ok((capture.name.as_str(), contents::of(&parts)?))
+        });
+        let named: Vec<(&str, blake3::Hash)> = named.collect::<Result<_, CommandError>>()?;
+        Ok(Ledger::beside(report, run.finalize(), &named)?)
     }
 
     /// The rows answered elsewhere, clean and noisy answers of one row together.

@@ -7,6 +7,7 @@ mod answer;
 mod calibrate;
 mod check_device;
 mod client;
+mod contents;
 mod corrupt;
 mod error;
 mod eval;
@@ -20,6 +21,7 @@ mod record;
 mod relight;
 mod runtime;
 mod shoot;
+mod spoiling;
 
 pub use answer::Answer;
 pub use client::{Client, ClientError};

@@ -3,6 +3,9 @@
 use indicatif::{ProgressBar, ProgressStyle};
 use std::time::Duration;
 
+/// Steps that work of known share is counted in.
+const SHARES: u64 = 10_000;
+
 /// Progress of one command; vanishes when dropped.
 pub(super) struct Progress(ProgressBar);
 
@@ -26,14 +29,26 @@ impl Progress {
         Self(bar)
     }
 
+    /// For work whose share done is known.
+    pub fn of_share(doing: &str) -> Self {
+        let bar = ProgressBar::new(SHARES);
+        let template = "{bar:30} {percent:>3} %, {eta} left: {msg}";
+        if let Ok(style) = ProgressStyle::with_template(template) {
+            bar.set_style(style);
+        }
+        bar.enable_steady_tick(Duration::from_millis(120));
+        bar.set_message(doing.to_owned());
+        Self(bar)
+    }
+
     /// Says what is being done now.
     pub fn doing(&self, what: &str) {
         self.0.set_message(what.to_owned());
     }
 
-    /// How many steps are done, with the fraction of the one in work.
-    pub fn reach(&self, steps: f32) {
-        self.0.set_position(steps as u64);
+    /// The fraction of the work that is done.
+    pub fn reach(&self, share: f32) {
+        self.0.set_position((share * SHARES as f32) as u64);
     }
 
     /// One step is done.

@@ -31,9 +31,9 @@ pub(super) fn scaled(light: &Plane<[f32; 3]>, scale: f64) -> Plane<[f32; 3]> {
 }
 
 /// What one light should have come out as.
-struct LitTruth {
+pub(super) struct LitTruth {
     /// At the capture's exposure.
-    picture: Plane<[f32; 3]>,
+    pub(super) picture: Plane<[f32; 3]>,
     /// 0 = shadow, 1 = lit, NaN = not known.
     shadow: Option<Plane<f32>>,
 }
@@ -132,7 +132,7 @@ impl<'a> Bench<'a> {
     }
 
     /// The true picture at its exposure, and the true shadow map.
-    fn truth(&self, light: usize) -> Result<LitTruth, EvalError> {
+    pub(super) fn truth(&self, light: usize) -> Result<LitTruth, EvalError> {
         let light = &self.lights[light];
         let (picture, given) = light.load()?;
         let shadow = given.or_else(|| {
@@ -146,7 +146,11 @@ impl<'a> Bench<'a> {
     }
 
     /// One row's answer to one light, on the grid of the truth; `None` when it has none.
-    fn answer(&self, light: usize, run: &mut RowRun<'_>) -> Result<Option<Answer>, EvalError> {
+    pub(super) fn answer(
+        &self,
+        light: usize,
+        run: &mut RowRun<'_>,
+    ) -> Result<Option<Answer>, EvalError> {
         let lamp = Lamp::from_person(self.lights[light].toward_person).map_err(|source| {
             EvalError::Light {
                 capture: self.name.to_owned(),

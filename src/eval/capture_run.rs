@@ -96,7 +96,7 @@ pub(super) fn evaluate_capture(
 }
 
 /// Has every method look at the capture; those with nothing to say, with their reasons.
-fn studied<'a>(
+pub(super) fn studied<'a>(
     roster: &'a Roster,
     subject: Subject<'a>,
 ) -> Result<(Vec<RowRun<'a>>, Vec<SilentRow>), EvalError> {
@@ -111,6 +111,11 @@ fn studied<'a>(
             Err(MethodError::Silent(reason)) => silent.push(SilentRow {
                 label: row.label.clone(),
                 reason,
+            }),
+            // What was broken on purpose may break a method, too.
+            Err(source) if subject.depth == DepthGiven::Spoiled => silent.push(SilentRow {
+                label: row.label.clone(),
+                reason: source.to_string(),
             }),
             Err(source) => return Err(EvalError::method(&subject.capture.name, row, source)),
         }

@@ -1,9 +1,9 @@
 //! What a stage or a relit picture cost: median and 95th percentile of its runs.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Milliseconds of wall-clock time over several runs of the same work.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Cost {
     /// Half of the runs took no longer.
     pub median_ms: f64,

@@ -1,11 +1,13 @@
 //! Captures with truth → [`Report`].
 
 use super::capture_run::evaluate_capture;
+use super::ledger::Ledger;
 use super::light_error::GridMismatch;
 use super::methods::{DepthGiven, MethodError};
 use super::published::PUBLISHED;
-use super::report::{Machine, NoisyReport, Report};
+use super::report::{CaptureReport, Machine, NoisyReport, Report};
 use super::roster::{Roster, Row};
+use super::stability::{self, CaptureCells, Spoiling, StabilityReport};
 use super::summary::{RowFigures, RowSummary};
 use crate::corruption::DepthNoise;
 use crate::develop::{self, DevelopError};
@@ -15,7 +17,7 @@ use drivers::chance::Chance;
 use thiserror::Error;
 
 /// How to evaluate.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct EvalOptions {
     /// How shots are developed.
     pub develop: develop::Options,
@@ -23,6 +25,8 @@ pub struct EvalOptions {
     pub development_runs: usize,
     /// What to put on the depth for a second pass; `None` = no second pass.
     pub noisy: Option<NoisyDepth>,
+    /// How to make captures worse for the stability run; `None` = no such run.
+    pub spoiling: Option<Spoiling>,
 }
 
 /// Noise for a second pass.
@@ -40,6 +44,7 @@ impl Default for EvalOptions {
             develop: develop::Options::default(),
             development_runs: 3,
             noisy: None,
+            spoiling: None,
         }
     }
 }
@@ -49,10 +54,11 @@ impl Default for EvalOptions {
 pub struct Progress<'a> {
     /// The capture in work.
     pub capture: &'a str,
-    /// Captures finished, with the fraction of the one in work.
-    pub captures_done: f32,
-    /// Captures in all.
-    pub captures: usize,
+    /// What is done to it: `noisy depth`, a corruption as in `jpeg:3`; empty for the capture as it
+    /// came.
+    pub state: &'a str,
+    /// Fraction of the captures' states that are done.
+    pub done: f32,
 }
 
 /// Why a capture could not be evaluated.
@@ -110,8 +116,10 @@ impl EvalError {
 }
 
 /// Develops every capture, relights it with every row's method under every true light, and
-/// compares; where noise on the depth is asked for, all of it once more with the noise. A capture
-/// without truth still gives its stages' times.
+/// compares; where noise on the depth is asked for, all of it once more with the noise; where
+/// captures are to be made worse, the rows that answer here once more for each way and severity. A
+/// capture without truth still gives its stages' times. What `ledger` holds is taken over, and what
+/// is finished is put there.
 ///
 /// # Errors
 /// The first [`EvalError`] met.
@@ -119,34 +127,72 @@ pub fn evaluate(
     captures: &[Capture],
     roster: &Roster,
     options: &EvalOptions,
+    ledger: &Ledger,
     mut progress: impl FnMut(Progress<'_>),
 ) -> Result<Report, EvalError> {
-    let passes = if options.noisy.is_some() { 2 } else { 1 };
+    let spoiled = options.spoiling.as_ref().map_or_else(Vec::new, |spoiling| {
+        let relit = |index: &usize| has_lights(&captures[*index]);
+        let relit: Vec<usize> = (0..captures.len()).filter(relit).collect();
+        spread(&relit, spoiling.captures)
+    });
+    let plain_states = captures.len() * if options.noisy.is_some() { 2 } else { 1 };
+    let states = |spoiling: &Spoiling| 1 + spoiling.ways.len() * spoiling.severities.len();
+    let states_of_one = options.spoiling.as_ref().map_or(0, states);
+    let all = (plain_states + spoiled.len() * states_of_one).max(1) as f32;
+    let mut before = 0.0;
+    let mut tell = |capture: &str, state: &str, done: f32| {
+        progress(Progress {
+            capture,
+            state,
+            done: done / all,
+        });
+    };
     let mut clean = Vec::with_capacity(captures.len());
     let mut noisy = Vec::new();
-    for (done, capture) in captures.iter().enumerate() {
-        let mut tell = |pass: usize, fraction: f32| {
-            progress(Progress {
-                capture: &capture.name,
-                captures_done: done as f32 + (pass as f32 + fraction) / passes as f32,
-                captures: captures.len(),
-            });
+    let mut cells: Vec<CaptureCells> = Vec::new();
+    for (index, capture) in captures.iter().enumerate() {
+        let mut evaluated = |capture: &Capture, depth, state: &str| {
+            if let Some(found) = ledger.found::<CaptureReport>(index, state) {
+                before += 1.0;
+                return Ok(found);
+            }
+            tell(&capture.name, state, before);
+            let found = evaluate_capture(capture, depth, roster, options, &mut |fraction| {
+                tell(&capture.name, state, before + fraction);
+            })?;
+            ledger.keep(index, state, &found);
+            before += 1.0;
+            Ok::<_, EvalError>(found)
         };
-        tell(0, 0.0);
-        let mut evaluated = |capture: &Capture, depth, pass| {
-            let mut tell = |fraction| tell(pass, fraction);
-            evaluate_capture(capture, depth, roster, options, &mut tell)
-        };
-        clean.push(evaluated(capture, DepthGiven::Clean, 0)?);
+        clean.push(evaluated(capture, DepthGiven::Clean, "")?);
         if let Some(NoisyDepth { noise, seed }) = options.noisy {
             let capture = Capture {
                 name: capture.name.clone(),
                 shot: noise.on_shot(&capture.shot, chance_of(seed, &capture.name)),
                 truth: capture.truth.clone(),
             };
-            noisy.push(evaluated(&capture, DepthGiven::Noisy, 1)?);
+            noisy.push(evaluated(&capture, DepthGiven::Noisy, "noisy depth")?);
         }
-        tell(passes - 1, 1.0);
+        if let (Some(spoiling), Some(truth)) = (&options.spoiling, &capture.truth)
+            && spoiled.contains(&index)
+        {
+            let asked = stability::Asked {
+                roster,
+                options,
+                spoiling,
+            };
+            cells.push(stability::measure(
+                capture,
+                truth,
+                &asked,
+                (ledger, index),
+                &mut |state, fraction| {
+                    let done = before + fraction * states_of_one as f32;
+                    tell(&capture.name, state, done);
+                },
+            )?);
+            before += states_of_one as f32;
+        }
     }
     let rows = roster.rows().iter().map(|row| RowSummary {
         row: row.number,
@@ -156,7 +202,7 @@ pub fn evaluate(
         noisy: options.noisy.map(|_| RowFigures::of(row, &noisy)),
     });
     Ok(Report {
-        format: 2,
+        format: 3,
         protocol: PROTOCOL.iter().map(|line| (*line).to_owned()).collect(),
         machine: machine(),
         rows: rows.collect(),
@@ -166,18 +212,35 @@ pub fn evaluate(
             seed,
             captures: noisy,
         }),
+        stability: options
+            .spoiling
+            .as_ref()
+            .map(|spoiling| StabilityReport::of(spoiling, roster, cells)),
         published: PUBLISHED.to_vec(),
     })
 }
 
+/// Whether there are pictures to compare relit ones with.
+fn has_lights(capture: &Capture) -> bool {
+    let truth = capture.truth.as_ref();
+    truth.is_some_and(|truth| !truth.lights.is_empty())
+}
+
+/// At most `most` of the indices, evenly over all of them.
+fn spread(indices: &[usize], most: usize) -> Vec<usize> {
+    let number = most.min(indices.len());
+    let at = |place: usize| indices[place * indices.len() / number];
+    (0..number).map(at).collect()
+}
+
 /// A source of its own for every capture, whatever stands before it in the list.
-fn chance_of(seed: u64, name: &str) -> Chance {
+pub(super) fn chance_of(seed: u64, name: &str) -> Chance {
     let own = |chance: Chance, byte: u8| chance.of(u64::from(byte));
     name.bytes().fold(Chance::new(seed), own)
 }
 
 /// What every figure of a report rests on.
-const PROTOCOL: [&str; 10] = [
+const PROTOCOL: [&str; 12] = [
     "Values are clipped to [0, 1], white Lambertian facing the lamp = 1; true pictures are divided by their lamp's intensity.",
     "Only pixels inside mask.png with a truth count; pixels a method does not answer are left out of its means and counted.",
     "Where the scale of the truth or of the flash is unknown, every row is multiplied by its best factor (least squares, linear light, one for all lights of a capture); row 1 always is.",
@@ -187,6 +250,8 @@ const PROTOCOL: [&str; 10] = [
     "Shadow truth is shadow_NNN.png, or derived: n·l > 0.2, 3 pixels inside the mask, and darker than 0.3 of the matte brightness (60 % quantile over lights) is cast shadow.",
     "Means of a row run over the captures it answered; captures and lights without an answer are counted beside it.",
     "Noisy depth: depth brought to [0, 1] with Gaussian noise, then a Gaussian blur (sigmas stated for 256x256, noise and blur growing with the grid).",
+    "Stability: captures made worse by the corruptions of FlashToF-C; the rows that answer in this program, up to so many lights of each capture as stated, by the rules above; truth and exposure stay those of the capture as it came.",
+    "Error growth is the mean squared error over that of the same captures as they came, means over captures first; worse than nothing: a mean above that of row 1 with the same captures made worse alike.",
     "Milliseconds are wall-clock, of this machine and build, or as stated in an answer's times.json.",
 ];
 

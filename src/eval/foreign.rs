@@ -35,6 +35,10 @@ impl Method for ForeignRow {
         let (folder, option) = match subject.depth {
             DepthGiven::Clean => (&self.clean, "--answers"),
             DepthGiven::Noisy => (&self.noisy, "--noisy-answers"),
+            DepthGiven::Spoiled => {
+                let reason = "answered elsewhere, and not for captures made worse".to_owned();
+                return Err(MethodError::Silent(reason));
+            }
         };
         let Some(folder) = folder else {
             let reason = format!("no answers given ({option} {}=DIR)", self.number);

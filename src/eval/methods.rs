@@ -18,6 +18,9 @@ pub enum DepthGiven {
     Clean,
     /// With noise on it.
     Noisy,
+    /// Made worse in one of the ways of [`crate::corruption`], or about to be: a trial of which no
+    /// answers made elsewhere exist.
+    Spoiled,
 }
 
 /// What a method is asked about: one capture, developed.

@@ -7,7 +7,7 @@ use super::roster::{OURS_AUTO, OURS_BIC, OURS_EVERYTHING, OURS_ONE_STANDARD_ERRO
 use crate::develop;
 use crate::parsimony::{CostModel, Criterion, Glance, Model, Plan, Rule, Terms, Workload};
 use crate::relight::{Lamp, networks::Network};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::rc::Rc;
 use std::time::Instant;
 
@@ -53,7 +53,7 @@ pub struct Ours {
 }
 
 /// The terms that a capture was modelled with.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Chosen {
     /// The terms.
     pub terms: Terms,

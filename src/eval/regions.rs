@@ -3,11 +3,11 @@
 use super::light_error::{Decibel, SquaredError};
 use super::photometric::brightness;
 use drivers::Plane;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// A kind of place in a picture, as the truth tells it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Region {
     /// Within [`band_pixels`] of a border between lit and shadow in the true shadow map.
@@ -55,7 +55,7 @@ pub fn band_pixels(size: (usize, usize)) -> usize {
 }
 
 /// The error within one region, pooled over all lights.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct RegionError {
     /// Where.
     pub region: Region,

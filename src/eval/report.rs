@@ -6,10 +6,11 @@ use super::ours::Chosen;
 use super::published::Published;
 use super::regions::RegionError;
 use super::shadow_error::ShadowError;
+use super::stability::StabilityReport;
 use super::summary::{RowSummary, mean};
 use super::surface_error::{NormalError, RoughnessError};
 use crate::corruption::DepthNoise;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Everything one run of `eval` measured.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -26,6 +27,8 @@ pub struct Report {
     pub noisy: Option<NoisyReport>,
     /// The rows of every table, those that are missing too, averaged over captures.
     pub rows: Vec<RowSummary>,
+    /// What captures made worse cost each row, where that was asked for.
+    pub stability: Option<StabilityReport>,
     /// What the reference method's authors printed, of other data.
     pub published: Vec<Published>,
 }
@@ -62,7 +65,7 @@ pub struct Machine {
 }
 
 /// Where the true cast shadows come from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ShadowTruth {
     /// `shadow_NNN.png` in the capture folder.
@@ -74,7 +77,7 @@ pub enum ShadowTruth {
 }
 
 /// One capture's results.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CaptureReport {
     /// Name of its folder.
     pub name: String,
@@ -103,7 +106,7 @@ pub struct CaptureReport {
 }
 
 /// What one stage of the road cost.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StageCost {
     /// The stage's name.
     pub stage: String,
@@ -112,7 +115,7 @@ pub struct StageCost {
 }
 
 /// Estimated surfaces against true ones; `None` where the capture has no such truth.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct SceneReport {
     /// Diffuse albedo.
     pub albedo: Option<LightError>,
@@ -125,7 +128,7 @@ pub struct SceneReport {
 }
 
 /// A method that said nothing about a capture.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SilentRow {
     /// As in [`super::roster::Row::label`].
     pub label: String,
@@ -141,7 +144,7 @@ impl SceneReport {
 }
 
 /// One method on one capture.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RowReport {
     /// Its number, as in [`super::methods::Method::row`].
     pub row: u8,
@@ -161,7 +164,7 @@ pub struct RowReport {
 }
 
 /// One method's relit pictures of one capture.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RelitReport {
     /// The one factor, over all lights, that its pictures were multiplied by.
     pub scale: f64,
@@ -180,7 +183,7 @@ pub struct RelitReport {
 }
 
 /// Means over lights (or, in [`super::summary::RowFigures`], over captures of those means).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct MeanError {
     /// Of [`LightError::linear_mse`].
     pub linear_mse: f64,
@@ -233,7 +236,7 @@ impl MeanError {
 }
 
 /// The light a method did worst under.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct WorstLight {
     /// Index among the capture's lights.
     pub light: usize,
@@ -246,7 +249,7 @@ pub struct WorstLight {
 }
 
 /// One method under one light.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LightReport {
     /// Index among the capture's lights.
     pub light: usize,

@@ -46,7 +46,7 @@ impl ReportFolder {
 /// Whether a report may have a file of this name.
 fn is_ours(name: &str) -> bool {
     match name.rsplit_once('.') {
-        Some(("report" | "table", "json" | "csv")) => true,
+        Some(("report" | "table" | "stability", "json" | "csv")) => true,
         Some((stem, "png" | "svg")) => {
             stem.starts_with("hemisphere_")
                 || ["rows", "speed_accuracy", "angle_curves"].contains(&stem)

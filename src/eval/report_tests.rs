@@ -10,7 +10,14 @@ use glam::Vec3;
 /// A report without a capture.
 fn empty_report() -> Report {
     let roster = Roster::standing(RelightOptions::default());
-    evaluate(&[], &roster, &EvalOptions::default(), |_| {}).unwrap()
+    evaluate(
+        &[],
+        &roster,
+        &EvalOptions::default(),
+        &Ledger::none(),
+        |_| {},
+    )
+    .unwrap()
 }
 
 #[test]

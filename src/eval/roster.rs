@@ -68,6 +68,16 @@ pub struct Row {
     pub(super) method: Result<Box<dyn Method>, String>,
 }
 
+impl std::fmt::Display for Row {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(out, "{} {}", self.label, self.name)?;
+        match &self.method {
+            Ok(_) => Ok(()),
+            Err(reason) => write!(out, " (missing: {reason})"),
+        }
+    }
+}
+
 /// The rows of one table.
 pub struct Roster(Vec<Row>);
 

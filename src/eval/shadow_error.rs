@@ -2,7 +2,7 @@
 
 use super::light_error::{GridMismatch, same_grid};
 use drivers::Plane;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Counts of shadow pixels, from which every rate follows; the sum of two tallies is the tally of
 /// both pictures together.
@@ -17,7 +17,7 @@ pub struct ShadowTally {
 }
 
 /// The error of a shadow map with 0 = shadow and 1 = lit.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ShadowError {
     /// Mean squared error.
     pub mse: f64,

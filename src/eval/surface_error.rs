@@ -3,10 +3,10 @@
 use super::light_error::{GridMismatch, same_grid};
 use drivers::Plane;
 use glam::Vec3;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// The error of unit normals.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct NormalError {
     /// Mean squared error of the components in [-1, 1].
     pub signed_mse: f64,
@@ -77,7 +77,7 @@ pub fn normal_error(
 }
 
 /// The error of a single number per pixel in [0, 1].
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct RoughnessError {
     /// Mean squared error.
     pub mse: f64,

@@ -5,7 +5,7 @@ use super::light_error::Decibel;
 use super::published::Published;
 use super::report::{CaptureReport, RelitReport, Report, ShadowTruth};
 use super::summary::{Figures, RowFigures, RowSummary};
-use super::{csv, mse_table};
+use super::{csv, mse_table, stability};
 use serde::Serialize;
 
 /// All of `table.json`: the rows of the report, beside the paper's.
@@ -16,7 +16,8 @@ struct Table<'a> {
 }
 
 /// `report.json` and `report.csv` (one line per capture, row and light), `table.json` and
-/// `table.csv` (one line per row): name and contents.
+/// `table.csv` (one line per row), and `stability.json` and `stability.csv` (one line per
+/// corruption, row and severity) where captures were made worse: name and contents.
 ///
 /// # Errors
 /// [`ChartError::Drawing`] for a report that is no JSON, which would be a bug.
@@ -25,12 +26,21 @@ pub(super) fn texts(report: &Report) -> Result<Vec<(String, Vec<u8>)>, ChartErro
         rows: &report.rows,
         published: &report.published,
     };
-    Ok(vec![
+    let mut texts = vec![
         ("report.json".to_owned(), json("report.json", report)?),
         ("report.csv".to_owned(), csv::csv(report).into_bytes()),
         ("table.json".to_owned(), json("table.json", &table)?),
         ("table.csv".to_owned(), mse_table::csv(report).into_bytes()),
-    ])
+    ];
+    if let Some(stability) = &report.stability {
+        let csv = stability::csv(stability).into_bytes();
+        texts.push((
+            "stability.json".to_owned(),
+            json("stability.json", stability)?,
+        ));
+        texts.push(("stability.csv".to_owned(), csv));
+    }
+    Ok(texts)
 }
 
 fn json(name: &str, content: &impl Serialize) -> Result<Vec<u8>, ChartError> {
@@ -67,6 +77,9 @@ impl std::fmt::Display for Report {
         }
         writeln!(out)?;
         mse_table::write(out, self)?;
+        if let Some(stability) = &self.stability {
+            write!(out, "\n{stability}")?;
+        }
         let Self { machine, .. } = self;
         let build = if machine.release_build {
             "release"
