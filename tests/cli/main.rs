@@ -67,6 +67,9 @@ fn command(folder: &Path) -> Command {
         .current_dir(folder)
         .env("XDG_RUNTIME_DIR", folder)
         .env_remove("RUNTIME_DIRECTORY")
+        // What steps cost is measured once for all tests, and not among the user's files.
+        .env("XDG_CACHE_HOME", env!("CARGO_TARGET_TMPDIR"))
+        .env_remove("CACHE_DIRECTORY")
         .env("COLUMNS", "400");
     command
 }

@@ -29,13 +29,22 @@ fn tiers_that_make_no_sense_are_refused_by_name() {
     let desk = recording("desk.mcap");
     struct Case(&'static [&'static str], &'static [&'static str]);
     for Case(arguments, words) in [
-        Case(&["--tier", "fast"], &["--tier", "closed or paper"]),
+        Case(&["--tier", "fast"], &["--tier", "auto, closed or paper"]),
         Case(
             &["--tier", "paper", "--variant", "odd"],
             &["--variant", "clean or noisy"],
         ),
         Case(&["--variant", "noisy"], &["--variant", "--tier paper"]),
         Case(&["--tier", "paper", "--threads", "0"], &["--threads"]),
+        Case(&["--budget", "50"], &["--budget", "50ms"]),
+        Case(&["--budget", "-3ms"], &["--budget", "above 0"]),
+        Case(&["--budget", "fastms"], &["--budget", "no number"]),
+        Case(
+            &["--budget", "50ms", "--tier", "closed"],
+            &["--budget", "another tier"],
+        ),
+        // Nothing can be answered in a microsecond.
+        Case(&["--budget", "0.001ms"], &["budget", "cheapest"]),
     ] {
         let words_before = ["relight", desk.to_str().unwrap()];
         let all = [&words_before, &LIGHT[..], arguments].concat();
@@ -43,6 +52,32 @@ fn tiers_that_make_no_sense_are_refused_by_name() {
     }
     let shot = capturectl(folder.path(), &["shoot", "--tier", "paper"]);
     shot.refuses(2, &["--tier", "--relight"]);
+}
+
+#[test]
+fn what_a_shot_was_modelled_with_and_why_is_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let desk = recording("desk.mcap");
+    let words = [
+        "relight",
+        desk.to_str().unwrap(),
+        "--models",
+        "/nonexistent",
+    ];
+    let ran = capturectl(folder.path(), &[&words, &LIGHT[..]].concat());
+    ran.succeeds();
+    // Things stand on the desk: their shadows are swept although no network corrects them.
+    assert!(ran.err.contains("shadows are not corrected"), "{ran:#?}");
+    let shot = std::fs::read(folder.path().join("relit/shot.json")).unwrap();
+    let shot: serde_json::Value = serde_json::from_slice(&shot).unwrap();
+    let report = &shot["report"];
+    assert_eq!(report["tier"], "auto");
+    let model = &report["model"];
+    assert_eq!(model["plan"]["terms"]["shadow"], "swept", "{model}");
+    let changes = &model["glance"]["changes"];
+    let (noise, unshadowed) = (&model["glance"]["noise"], &changes["shadow"][0]);
+    assert!(unshadowed.as_f64() > noise.as_f64(), "{model}");
+    assert!(model["by_one_standard_error"].is_object() && model["by_bic"].is_object());
 }
 
 #[test]

@@ -42,6 +42,7 @@ impl Daemon {
 
     fn command(folder: &tempfile::TempDir, device: &str) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_captured"));
+        command.env("XDG_CACHE_HOME", env!("CARGO_TARGET_TMPDIR"));
         command
             .args([
                 "--device",
@@ -134,6 +135,7 @@ impl Daemon {
     /// Runs `capturectl` where it finds this daemon; returns exit code, output and messages.
     pub fn capturectl(&self, arguments: &[&str]) -> (Option<i32>, String, String) {
         let output = Command::new(env!("CARGO_BIN_EXE_capturectl"))
+            .env("XDG_CACHE_HOME", env!("CARGO_TARGET_TMPDIR"))
             .args(arguments)
             .current_dir(self.folder.path())
             .env("XDG_RUNTIME_DIR", self.folder.path())

@@ -122,6 +122,7 @@ fn both_backends_give_the_same_answers() {
 
 fn status(arguments: &[&str]) -> serde_json::Value {
     let output = Command::new(env!("CARGO_BIN_EXE_capturectl"))
+        .env("XDG_CACHE_HOME", env!("CARGO_TARGET_TMPDIR"))
         .args(["runtime", "status", "--json"])
         .args(arguments)
         .env_remove("ORT_DYLIB_PATH")
