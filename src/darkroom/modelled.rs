@@ -84,7 +84,11 @@ pub(super) fn modelled(
             (plan, glance, Some(evidence))
         }
     };
-    let model = Model::new(shot, flash_only, &plan, &glance, &base, &mut |stage| {
+    let build = match evidence {
+        Some(_) => Model::careful,
+        None => Model::new,
+    };
+    let model = build(shot, flash_only, &plan, &glance, &base, &mut |stage| {
         clock.begin(name_of(stage));
         observe(stage.description());
     })?;

@@ -3,6 +3,7 @@
 use super::ours::Chosen;
 use crate::develop::Development;
 use crate::folder::{Capture, FolderError};
+use crate::radiometry::photograph;
 use crate::relight::{Lamp, RelightOptions};
 use drivers::Plane;
 use glam::Vec3;
@@ -139,15 +140,18 @@ impl Method for DoNothing {
     }
 
     fn study<'a>(&'a self, subject: Subject<'a>) -> Result<Box<dyn Study + 'a>, MethodError> {
-        Ok(Box::new(Photograph(subject.development)))
+        let frame = &subject.capture.shot.flash;
+        let whole = photograph(&subject.development.flash_only, frame);
+        let whole = whole.map_err(|error| MethodError::Failed(error.to_string()))?;
+        Ok(Box::new(Photograph(whole.0)))
     }
 }
 
-struct Photograph<'a>(&'a Development);
+struct Photograph(Plane<[f32; 3]>);
 
-impl Study for Photograph<'_> {
+impl Study for Photograph {
     fn relight(&mut self, _: usize, _: &Lamp) -> Result<Option<Answer>, MethodError> {
-        let light = self.0.flash_only.light.0.clone();
+        let light = self.0.clone();
         let shadow = Some(light.map(|_| 1.0));
         Ok(Some(Answer {
             light,

@@ -98,7 +98,11 @@ impl Method for Ours {
         let plan = Plan::sufficient(&glance, criterion, &self.costs, work, network);
         let choosing = began.elapsed();
         let began = Instant::now();
-        let model = Model::new(shot, flash_only, &plan, &glance, &self.develop, &mut |_| ());
+        let build = match self.choice {
+            Choice::By(Criterion::Visible) => Model::careful,
+            _ => Model::new,
+        };
+        let model = build(shot, flash_only, &plan, &glance, &self.develop, &mut |_| ());
         let model = model.map_err(failed)?;
         let chosen = Chosen {
             terms: plan.terms,

@@ -45,7 +45,7 @@ fn reports_and_charts_are_written_in_every_format() {
         .unwrap();
     let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
     let json: serde_json::Value = serde_json::from_slice(&read("report.json")).unwrap();
-    assert_eq!(json["rows"].as_array().unwrap().len(), 10);
+    assert_eq!(json["rows"].as_array().unwrap().len(), 13);
     assert_eq!(json["rows"][3]["status"], "missing");
     let table: serde_json::Value = serde_json::from_slice(&read("table.json")).unwrap();
     assert_eq!(table["rows"], json["rows"]);
@@ -54,7 +54,7 @@ fn reports_and_charts_are_written_in_every_format() {
         let csv = String::from_utf8(read(name)).unwrap();
         let mut lines = csv.lines().map(fields);
         let columns = lines.next().unwrap();
-        assert!(lines.clone().count() >= 10 && lines.all(|fields| fields == columns));
+        assert!(lines.clone().count() >= 13 && lines.all(|fields| fields == columns));
     }
     for stem in ["rows", "speed_accuracy", "angle_curves"] {
         let svg = String::from_utf8(read(&format!("{stem}.svg"))).unwrap();

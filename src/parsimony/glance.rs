@@ -34,6 +34,10 @@ const PROBES: [[f32; 3]; 6] = [
 
 /// Smallest change worth making, linear light of white = 1: just visible in middle tones.
 const LEAST_CHANGE: f32 = 0.007;
+/// A change of this share of the noise lowers the signal-to-noise ratio by a tenth of a decibel.
+const SHARE_OF_NOISE: f32 = 0.15;
+/// Largest change that noise excuses: grain goes, a wrong model stays.
+const MOST_CHANGE: f32 = 0.015;
 
 /// A small copy's pixels are wider than highlights: what they change in the picture is so much more
 /// (rendered validation captures).
@@ -59,9 +63,9 @@ pub struct Changes {
 /// What a look at the small copy found.
 #[derive(Debug, Clone, Serialize)]
 pub struct Glance {
-    /// Noise of a relit picture that the photograph's own noise makes, root mean square, with the
-    /// smallest change worth making; linear light of white = 1.
-    pub noise: f32,
+    /// What leaving terms out may change, root mean square, linear light of white = 1: what is not
+    /// seen, or drowns in the photograph's noise.
+    pub tolerance: f32,
     /// What leaving terms out changes.
     pub changes: Changes,
     /// What the depth's samples say: plane, smooth, full.
@@ -77,7 +81,7 @@ impl Glance {
     /// captures.
     pub fn typical() -> Self {
         Self {
-            noise: LEAST_CHANGE,
+            tolerance: LEAST_CHANGE,
             changes: Changes {
                 geometry: [0.1, 0.02],
                 material: [0.04, 0.016],
@@ -94,7 +98,7 @@ impl Glance {
     pub fn nothing_known() -> Self {
         let all = [f32::INFINITY; 2];
         Self {
-            noise: 0.0,
+            tolerance: 0.0,
             changes: Changes {
                 geometry: all,
                 material: all,
@@ -146,7 +150,7 @@ impl Glance {
             let relit = pictures(&everything.prepared, options);
             change(&reference, &relit)
         };
-        let noise = noise(flash_only, &everything);
+        let tolerance = tolerance(flash_only, &everything);
         let geometry = [
             // Many planes are none: what the depth's samples refute is not looked at.
             if depth.pick(Rule::OneStandardError) == 0 {
@@ -159,7 +163,7 @@ impl Glance {
         let one = HIGHLIGHTS * of_material(Material::OneRoughness)?;
         let material = [
             // Where one roughness will not do, none will not.
-            if one <= noise {
+            if one <= tolerance {
                 HIGHLIGHTS * of_material(Material::Matte)?
             } else {
                 f32::INFINITY
@@ -169,7 +173,7 @@ impl Glance {
         let even = everything.prepared.evenly_blocked(blocked);
         let shine = everything.scene.shine.clone().unwrap_or_default();
         Ok(Self {
-            noise,
+            tolerance,
             changes: Changes {
                 geometry,
                 material,
@@ -252,8 +256,8 @@ fn correctable(prepared: &Prepared, reference: &[Relit], lamps: &[Lamp]) -> f32 
     (squares.sum::<f32>() / lamps.len().max(1) as f32).sqrt()
 }
 
-/// Noise of a relit picture: as large a share of it as that of the photograph is.
-fn noise(flash_only: &FlashOnly, everything: &Working) -> f32 {
+/// What may change: the noise of a relit picture is as large a share of it as that of the photograph is.
+fn tolerance(flash_only: &FlashOnly, everything: &Working) -> f32 {
     let light = flash_only.light.0.samples();
     let stride = light.len().div_ceil(20_000).max(1);
     let albedo = mean_albedo(everything);
@@ -271,7 +275,9 @@ fn noise(flash_only: &FlashOnly, everything: &Working) -> f32 {
         }
     }
     let share = (sum / f64::from(count.max(1))) as f32;
-    (share * albedo * albedo + LEAST_CHANGE * LEAST_CHANGE).sqrt()
+    LEAST_CHANGE
+        .hypot(SHARE_OF_NOISE * albedo * share.sqrt())
+        .min(MOST_CHANGE)
 }
 
 fn mean_albedo(everything: &Working) -> f32 {

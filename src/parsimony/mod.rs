@@ -2,6 +2,7 @@
 
 pub mod cost;
 mod depth;
+mod fallback;
 mod glance;
 mod model;
 mod plan;

@@ -1,19 +1,24 @@
 //! A shot modelled with chosen terms, ready for lamps.
 
 use super::{
+    fallback::{hedge, hedged, without_contradicted},
     glance::Glance,
     plan::Plan,
     terms::{Shadow, Terms},
 };
 use crate::{
     develop::{DevelopError, Development, Options, Stage, develop_light},
-    radiometry::FlashOnly,
+    radiometry::{FlashOnly, LinearImage, photograph},
     relight::{
         Lamp, RelightOptions, Relit,
         networks::{Doubt, Feed, Network, NetworkError, Variant},
     },
     shot::Shot,
+    verdict::{Verdict, judge},
 };
+
+/// Rounds in which depth is left out: behind what goes, more may show.
+const MOST_ROUNDS: usize = 3;
 
 /// A shot modelled with chosen terms.
 #[derive(Debug, Clone)]
@@ -24,6 +29,14 @@ pub struct Model {
     pub terms: Terms,
     /// What leaving a network out may change, root mean square, linear light of white = 1.
     pub tolerance: f32,
+    /// What the shot says about itself; only of a careful model.
+    pub verdict: Option<Verdict>,
+    /// Whether depth that the photograph contradicts was left out.
+    pub depth_left_out: bool,
+    /// Share of the photograph that answers are mixed with, [0, 0.5].
+    pub hedge: f32,
+    /// The photograph, where answers are mixed with it.
+    photograph: Option<LinearImage>,
     /// What a network needs to correct its shadows.
     correction: Option<(Doubt, Feed)>,
 }
@@ -49,11 +62,48 @@ impl Model {
             (doubt, development.feed(shot, Variant::Clean))
         });
         Ok(Self {
+            verdict: None,
+            depth_left_out: false,
+            hedge: 0.0,
+            photograph: None,
             development,
             terms: plan.terms,
-            tolerance: glance.noise,
+            tolerance: glance.tolerance,
             correction,
         })
+    }
+
+    /// The same, but what the shot's own evidence says would do harm is left out: depth that the
+    /// photograph contradicts is filled from its surroundings, and where nothing is sure answers are
+    /// mixed with the photograph.
+    ///
+    /// # Errors
+    /// [`DevelopError`] of the stage that could not answer.
+    pub fn careful(
+        shot: &Shot,
+        flash_only: FlashOnly,
+        plan: &Plan,
+        glance: &Glance,
+        base: &Options,
+        begins: &mut dyn FnMut(Stage),
+    ) -> Result<Self, DevelopError> {
+        let mut model = Self::new(shot, flash_only, plan, glance, base, begins)?;
+        let verdict = judge(shot, &model.development);
+        let mut filled = without_contradicted(shot, &model.development);
+        for _ in 0..MOST_ROUNDS {
+            let Some(without) = filled else { break };
+            let flash_only = model.development.flash_only;
+            model = Self::new(&without, flash_only, plan, glance, base, begins)?;
+            model.depth_left_out = true;
+            filled = without_contradicted(&without, &model.development);
+        }
+        model.hedge = hedge(&verdict);
+        if model.hedge > 0.0 {
+            let flash_only = &model.development.flash_only;
+            model.photograph = Some(photograph(flash_only, &shot.flash)?);
+        }
+        model.verdict = Some(verdict);
+        Ok(model)
     }
 
     /// The photograph under a lamp, at its own size. Without a `network` swept shadows stay as they are.
@@ -72,6 +122,10 @@ impl Model {
             }
             _ => prepared.relight(lamp, RelightOptions::default()),
         };
-        Ok(self.development.finish(relit))
+        let mut relit = self.development.finish(relit);
+        if let Some(photograph) = &self.photograph {
+            hedged(&mut relit, photograph, self.hedge);
+        }
+        Ok(relit)
     }
 }

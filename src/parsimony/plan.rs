@@ -70,14 +70,14 @@ impl Plan {
         network: bool,
     ) -> Self {
         let allowed = |plan: &Self| match criterion {
-            Criterion::Visible => plan.change <= glance.noise,
+            Criterion::Visible => plan.change <= glance.tolerance,
             Criterion::Predicted(rule) => {
                 let terms = plan.terms;
                 let geometry = [Geometry::Plane, Geometry::Smooth, Geometry::Full];
                 let material = [Material::Matte, Material::OneRoughness, Material::Varying];
                 geometry[glance.depth.pick(rule).min(2)] == terms.geometry
                     && material[glance.material.pick(rule).min(2)] == terms.material
-                    && shadows_and_bounces(glance, terms) <= glance.noise
+                    && shadows_and_bounces(glance, terms) <= glance.tolerance
             }
         };
         let everything = Self::of(full(network), base_factor(work), glance, costs, work);
@@ -281,7 +281,7 @@ mod tests {
     /// A scene in which only what is named changes anything.
     fn glance(changes: Changes) -> Glance {
         Glance {
-            noise: 0.01,
+            tolerance: 0.01,
             changes,
             ..Glance::typical()
         }

@@ -11,6 +11,7 @@ mod levels;
 mod motion;
 pub mod noise;
 mod patch;
+mod photograph;
 mod report;
 pub mod response;
 pub mod subtract;
@@ -25,6 +26,7 @@ pub use align::{Alignment, AlignmentOutcome, align};
 pub use decode::linearise;
 pub use difference::{Tally, subtract_linear_into};
 pub use noise::{NoiseModel, Sensor};
+pub use photograph::photograph;
 pub use response::{RecoveredResponse, ResponseError, recover_response};
 pub use subtract::{SubtractOptions, subtract};
 

@@ -7,6 +7,7 @@
 mod blocks;
 mod blur;
 mod confidence;
+mod contradicted;
 mod depth_samples;
 mod finding;
 mod light;
@@ -16,6 +17,7 @@ mod shading;
 mod steps;
 mod thin;
 
+pub use contradicted::contradicted;
 pub use finding::Finding;
 
 use crate::{develop::Development, shot::Shot};

@@ -56,7 +56,8 @@ pub(super) fn thin_structures(look: &Look<'_>) -> Finding {
             seen: a.seen + b.seen,
             explained: a.explained + b.explained,
         });
-    let missing = (EVERY * (counts.seen - counts.explained)) as f32 / look.light.len().max(1) as f32;
+    let missing =
+        (EVERY * (counts.seen - counts.explained)) as f32 / look.light.len().max(1) as f32;
     Finding::new("thin-structures", missing / HARMFUL, Some(missing), || {
         format!(
             "the photograph shows thin things of which depth knows nothing, on {} of it; go nearer or use a finer depth camera",

@@ -75,8 +75,8 @@ fn what_a_shot_was_modelled_with_and_why_is_kept() {
     let model = &report["model"];
     assert_eq!(model["plan"]["terms"]["shadow"], "swept", "{model}");
     let changes = &model["glance"]["changes"];
-    let (noise, unshadowed) = (&model["glance"]["noise"], &changes["shadow"][0]);
-    assert!(unshadowed.as_f64() > noise.as_f64(), "{model}");
+    let (tolerance, unshadowed) = (&model["glance"]["tolerance"], &changes["shadow"][0]);
+    assert!(unshadowed.as_f64() > tolerance.as_f64(), "{model}");
     assert!(model["by_one_standard_error"].is_object() && model["by_bic"].is_object());
 }
 
