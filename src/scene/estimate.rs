@@ -42,6 +42,9 @@ pub fn estimate(
     let focal = (0.5 * (camera.fx + camera.fy)) as f32;
     let rays = rays(&camera);
 
+    // Grain goes from what becomes albedo and guides the depth; how highlights fall off is asked of the light
+    // as it is.
+    let (light, variance) = shrunk(&flash.light.0, &flash.variance);
     let known = positive(&depth.metres);
     let flat = match options.shape {
         Shape::Plane => Flat::fit(&known, &rays),
@@ -52,6 +55,7 @@ pub fn estimate(
         None => shape::measured(
             &known,
             &depth.sigma_metres,
+            &light,
             rig,
             focal,
             options.smoothing,
@@ -85,8 +89,6 @@ pub fn estimate(
         }
         _ => true,
     };
-    // Grain goes from what becomes albedo; how highlights fall off is asked of the light as it is.
-    let (light, variance) = shrunk(&flash.light.0, &flash.variance);
     let (mut reflections, mut matte) = if flash_lit {
         (reflections, of_flash(&light, &variance))
     } else {

@@ -24,6 +24,7 @@ mod shine;
 mod smooth;
 mod surface;
 mod thickness;
+mod variation;
 mod windows;
 
 pub use estimate::estimate;

@@ -19,10 +19,11 @@ pub(super) struct Shaped {
     pub normal_sigma: Plane<f32>,
 }
 
-/// As the depth says. `focal` is that of the grid, in pixels; `smoothing` multiplies the noise found.
+/// As the depth says, and under much noise `light`, the photograph's, too. `focal` is that of the grid, in pixels; `smoothing` multiplies the noise found.
 pub(super) fn measured(
     metres: &Plane<f32>,
     sigma_metres: &Plane<f32>,
+    light: &Plane<[f32; 3]>,
     rig: &Rig,
     focal: f32,
     smoothing: f32,
@@ -32,7 +33,7 @@ pub(super) fn measured(
         depth,
         slope,
         normal_sigma,
-    } = surface(metres, sigma_metres, rig, focal, smoothing);
+    } = surface(metres, sigma_metres, light, rig, focal, smoothing);
     let edges = edges(&depth, focal);
     let normal = match slope {
         Some(slope) => normals_of_slopes(&depth, &slope, rays),

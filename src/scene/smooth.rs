@@ -224,7 +224,7 @@ fn averaged(fine: &Plane<f32>, (across, down): (usize, usize)) -> Plane<f32> {
 }
 
 /// Median of the known, positive sigmas of a sparse set of pixels; 1 without any.
-fn median(sigma: &Plane<f32>) -> f32 {
+pub(super) fn median(sigma: &Plane<f32>) -> f32 {
     let step = (sigma.len() / 20_000).max(1);
     let mut known: Vec<f32> = sigma
         .samples()

@@ -2,9 +2,10 @@
 
 use super::{
     edges::edges,
-    noise::{Noise, noise},
+    noise::{DenseNoise, Noise, dense_noise, noise},
     rims::settle,
     smooth::{InverseDepth, MOST_DOUBT, Smoothed, smooth},
+    variation::piecewise,
 };
 use drivers::{Plane, Rig};
 use rayon::prelude::*;
@@ -16,6 +17,12 @@ const UNSTATED_SIGMA: f32 = 0.002;
 /// surface that faces the camera).
 const QUIET_SLOPES: f32 = 0.02;
 
+/// Slopes between neighbours under white noise as strong, over large areas, as the depth's own (radians, as
+/// above, on a grid of [`STATED_PIXELS`]): from here on windows that show a plane are larger than what the
+/// scene is made of.
+const LOUD_SLOPES: f32 = 5.0;
+const STATED_PIXELS: f32 = 256.0 * 256.0;
+
 /// The surface, and how far its slopes are to be trusted.
 pub(super) struct Surface {
     /// 1/z.
@@ -26,11 +33,12 @@ pub(super) struct Surface {
     pub normal_sigma: Plane<f32>,
 }
 
-/// 1/z smoothed by the noise that the depth itself shows. `focal` is that of the grid, in pixels;
-/// `smoothing` multiplies the noise found.
+/// 1/z smoothed by the noise that the depth itself shows. `light` is the photograph's; `focal` is that of
+/// the grid, in pixels; `smoothing` multiplies the noise found.
 pub(super) fn surface(
     metres: &Plane<f32>,
     sigma_metres: &Plane<f32>,
+    light: &Plane<[f32; 3]>,
     rig: &Rig,
     focal: f32,
     smoothing: f32,
@@ -74,6 +82,15 @@ pub(super) fn surface(
             .map(|(s, w)| ratio * focal * s / w),
     ) / spacing as f32;
     if slope_noise > QUIET_SLOPES {
+        if let Some(DenseNoise { sigma, blur }) = dense_noise(&value, &sigma) {
+            let noise = sigma.map(|sigma| smoothing * sigma);
+            let pixels = noise.samples().iter().zip(value.samples());
+            let slope_noise = focal * median(pixels.map(|(s, w)| s / w));
+            // A window of the same share of the picture has so many more pixels.
+            if slope_noise > LOUD_SLOPES * value.len() as f32 / STATED_PIXELS {
+                return of_smoothed(piecewise(&value, &noise, blur, light), focal);
+            }
+        }
         // The smallest window spans some three samples of the depth camera.
         let side = (1.5 * coarseness).log2().round().max(1.0).exp2() as usize;
         let mut smoothed = smooth(&value, &sigma, side, smoothing);
@@ -86,17 +103,7 @@ pub(super) fn surface(
         };
         let cuts = edges(&measured, focal).firm(&measured);
         settle(&mut smoothed, &measured.value, &spread, &cuts, 2 * side);
-        let Smoothed {
-            depth,
-            slope,
-            slope_variance,
-        } = smoothed;
-        let normal_sigma = angle(&depth, focal, |i| slope_variance.samples()[i]);
-        return Surface {
-            depth,
-            slope: Some(slope),
-            normal_sigma,
-        };
+        return of_smoothed(smoothed, focal);
     }
     // Never exactly certain: zero variance would make every comparison a division by zero.
     sigma
@@ -113,6 +120,21 @@ pub(super) fn surface(
     Surface {
         depth,
         slope: None,
+        normal_sigma,
+    }
+}
+
+/// A surface whose slopes came with it.
+fn of_smoothed(smoothed: Smoothed, focal: f32) -> Surface {
+    let Smoothed {
+        depth,
+        slope,
+        slope_variance,
+    } = smoothed;
+    let normal_sigma = angle(&depth, focal, |i| slope_variance.samples()[i]);
+    Surface {
+        depth,
+        slope: Some(slope),
         normal_sigma,
     }
 }
