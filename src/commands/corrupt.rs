@@ -1,11 +1,14 @@
 //! `corrupt`: a capture made worse on purpose, as a folder like the one it came from.
 
-use super::{Answer, CommandError, error::InputError, input, input::Kind, progress::Progress};
+use super::{
+    Answer, CommandError, corruption_sheet, error::InputError, input, input::Kind,
+    progress::Progress,
+};
 use crate::{
     config::Config,
     corruption::{CORRUPTIONS, Corruption, MOST_SEVERE},
     folder::{FolderError, truth_beside, write, write_with_truth},
-    output::FRAMES,
+    output::{FRAMES, StagedFile},
 };
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -18,14 +21,17 @@ pub struct Corrupt {
     #[arg(value_name = "FOLDER|RECORDING")]
     input: PathBuf,
     /// What to do to it, and how severely, from 0 (nothing) to 5; several in the order given.
-    #[arg(long = "with", value_name = "NAME:SEVERITY", required = true, value_parser = asked)]
+    #[arg(long = "with", value_name = "NAME:SEVERITY", required_unless_present = "sheet", value_parser = asked)]
     with: Vec<Asked>,
     /// Other dice.
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
     /// The capture folder to write; must not exist yet, or be empty. Truth is copied unchanged.
-    #[arg(long, value_name = "DIR")]
-    out: PathBuf,
+    #[arg(long, value_name = "DIR", required_unless_present = "sheet")]
+    out: Option<PathBuf>,
+    /// Instead: draw all of them at every severity on one page, a file that must not exist yet.
+    #[arg(long, value_name = "PNG", conflicts_with_all = ["with", "out"])]
+    sheet: Option<PathBuf>,
 }
 
 /// One `NAME:SEVERITY`.
@@ -48,6 +54,13 @@ impl Corrupt {
                 )));
             }
         }
+        let out = match (&self.sheet, &self.out) {
+            (Some(sheet), _) => return self.draw(sheet, config),
+            (None, Some(out)) => out.clone(),
+            (None, None) => {
+                return Err(CommandError::Arguments("give --out or --sheet".to_owned()));
+            }
+        };
         let progress = Progress::of(self.with.len(), "reading");
         let capture = input::read(&self.input, config)?.capture;
         let truth = match &capture.truth {
@@ -71,19 +84,31 @@ impl Corrupt {
         }
         progress.doing("writing");
         let losses = match &truth {
-            Some(truth) => write_with_truth(&self.out, &shot, truth),
-            None => write(&self.out, &shot),
+            Some(truth) => write_with_truth(&out, &shot, truth),
+            None => write(&out, &shot),
         }
         .map_err(|error| match error {
             FolderError::Io { .. } => CommandError::Folder(error),
             other => CommandError::Unwritten(other),
         })?;
         drop(progress);
-        Ok(self.answer(truth.is_some(), &losses))
+        Ok(self.answer(&out, truth.is_some(), &losses))
     }
 
-    fn answer(&self, truth: bool, losses: &[String]) -> Answer {
-        let mut lines = vec![format!("{}: {}", self.input.display(), self.out.display())];
+    /// All of them on one page.
+    fn draw(&self, sheet: &Path, config: &Config) -> Result<Answer, CommandError> {
+        let progress = Progress::of_share("reading");
+        let capture = input::read(&self.input, config)?.capture;
+        let page = corruption_sheet::drawn(&capture.name, &capture.shot, self.seed, &progress)?;
+        StagedFile::write(sheet, &page)?;
+        drop(progress);
+        let text = format!("{}: {}", self.input.display(), sheet.display());
+        let json = serde_json::json!({ "sheet": sheet, "seed": self.seed });
+        Ok(Answer::new(text, &json))
+    }
+
+    fn answer(&self, out: &Path, truth: bool, losses: &[String]) -> Answer {
+        let mut lines = vec![format!("{}: {}", self.input.display(), out.display())];
         lines.extend(self.with.iter().map(Asked::line));
         lines.push(match truth {
             true => "  truth copied unchanged".to_owned(),
@@ -91,7 +116,7 @@ impl Corrupt {
         });
         let done: Vec<serde_json::Value> = self.with.iter().map(Asked::json).collect();
         let json = serde_json::json!({
-            "out": self.out,
+            "out": out,
             "seed": self.seed,
             "corruptions": done,
             "truth": truth,

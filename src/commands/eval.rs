@@ -31,6 +31,8 @@ const OWN_ROWS: u8 = 3;
 const LEFT_OUT: &str = "left out (--no-networks)";
 /// Why a row's network is missing where no weights of it come with the program.
 const NOT_SHIPPED: &str = "models/manifest.toml lists no weights of it";
+/// Captures that a report's command names all of.
+const NAMED_CAPTURES: usize = 6;
 /// Longest name of a row, letters.
 const NAME_LETTERS: usize = 40;
 
@@ -106,10 +108,11 @@ impl Eval {
             ..EvalOptions::default()
         };
         let ledger = self.ledger(&captures, &roster, &options, config)?;
-        let report = evaluate(&captures, &roster, &options, &ledger, |now| {
+        let mut report = evaluate(&captures, &roster, &options, &ledger, |now| {
             progress.doing(&format!("{} {}", now.capture, now.state));
             progress.reach(now.done);
         })?;
+        report.made.command = self.command();
         if let Some(folder) = folder {
             progress.doing("writing");
             folder.write(&report)?;
@@ -120,7 +123,7 @@ impl Eval {
         let mut text = report.to_string().trim_end().to_owned();
         if let Some(folder) = &self.report {
             text.push_str(&format!(
-                "\nreport and table (JSON, CSV) and charts in {}",
+                "\nreport in {}: index.html shows it, with every table as JSON and CSV and every chart as SVG and PNG",
                 folder.display()
             ));
         }
@@ -131,6 +134,29 @@ impl Eval {
                 "{parts} parts were taken over from a run that was stopped"
             )),
         })
+    }
+
+    /// The command that makes the report again; of many captures, the first and the last.
+    fn command(&self) -> String {
+        let captures: Vec<_> = self.captures.iter().map(|path| path.as_os_str()).collect();
+        let shown = |argument: &std::ffi::OsStr| {
+            captures.len() <= NAMED_CAPTURES || !captures[1..captures.len() - 1].contains(&argument)
+        };
+        let mut words: Vec<String> = Vec::new();
+        for argument in std::env::args_os().skip(1) {
+            if shown(&argument) {
+                let word = argument.to_string_lossy();
+                let plain =
+                    |letter: char| letter.is_alphanumeric() || "-_./,:=+@%".contains(letter);
+                words.push(match word.chars().all(plain) {
+                    true if !word.is_empty() => word.into_owned(),
+                    _ => format!("'{}'", word.replace('\'', "'\\''")),
+                });
+            } else if words.last().is_none_or(|last| last != "…") {
+                words.push("…".to_owned());
+            }
+        }
+        format!("capturectl {}", words.join(" "))
     }
 
     /// Where finished parts are kept and looked for: nowhere without a report.

@@ -9,6 +9,7 @@ mod check_device;
 mod client;
 mod contents;
 mod corrupt;
+mod corruption_sheet;
 mod error;
 mod eval;
 mod import;

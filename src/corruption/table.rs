@@ -69,6 +69,22 @@ impl Corruption {
         found.ok_or_else(|| CorruptionError::Unknown { name: name.into() })
     }
 
+    /// Whether it changes the depth and leaves the photographs alone; else it is the other way
+    /// round.
+    pub fn spoils_depth(&self) -> bool {
+        !matches!(
+            self.name,
+            "bright-ambient"
+                | "flash-saturation"
+                | "motion"
+                | "hand-shake"
+                | "mains-flicker"
+                | "wrong-transfer"
+                | "sensor-noise"
+                | "jpeg"
+        )
+    }
+
     /// The shot as it would have come out: a function of its arguments and nothing else. Severity 0
     /// returns it bit for bit; with one seed, what a severity spoils a higher one spoils more.
     ///

@@ -3,6 +3,7 @@
 use super::capture_run::evaluate_capture;
 use super::ledger::Ledger;
 use super::light_error::GridMismatch;
+use super::made::Made;
 use super::methods::{DepthGiven, MethodError};
 use super::published::PUBLISHED;
 use super::report::{CaptureReport, Machine, NoisyReport, Report};
@@ -204,6 +205,7 @@ pub fn evaluate(
     Ok(Report {
         format: 3,
         protocol: PROTOCOL.iter().map(|line| (*line).to_owned()).collect(),
+        made: Made::now(),
         machine: machine(),
         rows: rows.collect(),
         captures: clean,
@@ -256,7 +258,11 @@ const PROTOCOL: [&str; 12] = [
 ];
 
 fn machine() -> Machine {
+    let said = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let mut lines = said.lines().filter_map(|line| line.split_once(':'));
+    let model = lines.find(|(key, _)| key.trim() == "model name");
     Machine {
+        processor: model.map(|(_, name)| name.trim().to_owned()),
         target: format!("{}-{}", std::env::consts::ARCH, std::env::consts::OS),
         threads: rayon::current_num_threads(),
         release_build: !cfg!(debug_assertions),

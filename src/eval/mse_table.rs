@@ -11,17 +11,17 @@ const NAME: usize = 44;
 const CELL: usize = 6;
 
 /// A quantity of the table.
-struct Column {
+pub(super) struct Column {
     /// What and on which range.
-    head: [&'static str; 2],
+    pub(super) head: [&'static str; 2],
     /// Name in the CSV.
     field: &'static str,
-    value: fn(&Figures) -> Option<f64>,
+    pub(super) value: fn(&Figures) -> Option<f64>,
     /// What the paper prints for it, where it can be looked at in this column.
-    published: fn(&PublishedErrors) -> Option<f64>,
+    pub(super) published: fn(&PublishedErrors) -> Option<f64>,
 }
 
-const COLUMNS: [Column; 8] = [
+pub(super) const COLUMNS: [Column; 8] = [
     Column {
         head: ["albedo", "linear"],
         field: "albedo_linear_mse",

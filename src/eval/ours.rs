@@ -59,8 +59,9 @@ pub struct Chosen {
     pub terms: Terms,
     /// By how much a side of the photograph's grid was shrunk.
     pub factor: usize,
-    /// What leaving the others out was expected to change, root mean square, linear light, white = 1.
-    pub expected_change: f32,
+    /// What leaving the others out was expected to change, root mean square, linear light, white = 1;
+    /// `None` where nothing was looked at.
+    pub expected_change: Option<f32>,
     /// Choosing, milliseconds.
     pub choosing_ms: f64,
     /// Developing with the terms from the flash's light on, milliseconds.
@@ -107,7 +108,7 @@ impl Method for Ours {
         let chosen = Chosen {
             terms: plan.terms,
             factor: plan.factor,
-            expected_change: plan.change,
+            expected_change: plan.change.is_finite().then_some(plan.change),
             choosing_ms: 1e3 * choosing.as_secs_f64(),
             developing_ms: 1e3 * began.elapsed().as_secs_f64(),
         };

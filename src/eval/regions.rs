@@ -42,6 +42,17 @@ impl Region {
             Self::Dark => "dark",
         }
     }
+
+    /// What it is, for charts.
+    pub fn meaning(self) -> &'static str {
+        match self {
+            Self::CastShadowBand => "along the borders of true cast shadows",
+            Self::Highlight => "the brightest 2 % of the true picture",
+            Self::OcclusionEdge => "along steps in depth and the mask's edge",
+            Self::Glossy => "true roughness under 0.4",
+            Self::Dark => "true albedo under 0.1",
+        }
+    }
 }
 
 const HIGHLIGHT_FRACTION: f64 = 0.02;

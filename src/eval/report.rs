@@ -2,6 +2,7 @@
 
 use super::cost::Cost;
 use super::light_error::{Decibel, LightError};
+use super::made::Made;
 use super::ours::Chosen;
 use super::published::Published;
 use super::regions::RegionError;
@@ -19,6 +20,8 @@ pub struct Report {
     pub format: u32,
     /// How the numbers were made, in words.
     pub protocol: Vec<String>,
+    /// When and by what they were made.
+    pub made: Made,
     /// Where they were made.
     pub machine: Machine,
     /// One entry per capture, with the depth as it is.
@@ -55,6 +58,8 @@ impl Report {
 /// The machine behind the milliseconds.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Machine {
+    /// What the processor calls itself; `None` where the system does not say.
+    pub processor: Option<String>,
     /// Processor architecture and system, e.g. `x86_64-linux`.
     pub target: String,
     /// Threads the data-parallel loops ran on.

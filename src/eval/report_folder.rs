@@ -2,7 +2,7 @@
 
 use super::charts::{self, ChartError};
 use super::report::Report;
-use super::table;
+use super::{page, table};
 use crate::output::{CommitError, Disk, Existing, Staging};
 use std::path::Path;
 use thiserror::Error;
@@ -31,12 +31,16 @@ impl ReportFolder {
         Staging::begin(&Disk, folder, Existing::Replace, is_ours).map(Self)
     }
 
-    /// Writes `report` and `table` as JSON and CSV and the charts, and gives the folder its name.
+    /// Writes `report` and every table as JSON and CSV, the charts, and the page that shows them, and
+    /// gives the folder its name.
     ///
     /// # Errors
     /// [`ReportError`].
     pub fn write(mut self, report: &Report) -> Result<(), ReportError> {
-        for (name, bytes) in table::texts(report)?.iter().chain(&charts::draw(report)?) {
+        let charts = charts::draw(report)?;
+        let page = page::files(report, &charts);
+        let texts = table::texts(report)?;
+        for (name, bytes) in texts.iter().chain(&page).chain(&charts) {
             self.0.put(name, bytes)?;
         }
         Ok(self.0.commit()?)
@@ -46,10 +50,12 @@ impl ReportFolder {
 /// Whether a report may have a file of this name.
 fn is_ours(name: &str) -> bool {
     match name.rsplit_once('.') {
-        Some(("report" | "table" | "stability", "json" | "csv")) => true,
+        Some(("index", "html")) => true,
+        Some((stem, "json" | "csv")) => {
+            ["report", "table", "stability"].contains(&stem) || page::TABLES.contains(&stem)
+        }
         Some((stem, "png" | "svg")) => {
-            stem.starts_with("hemisphere_")
-                || ["rows", "speed_accuracy", "angle_curves"].contains(&stem)
+            stem.starts_with("hemisphere_") || charts::CHARTS.contains(&stem)
         }
         _ => false,
     }

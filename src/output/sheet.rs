@@ -59,27 +59,57 @@ impl Panel {
 
     /// Distances, near = yellow, far = violet; the label gets the range (2nd to 98th percentile).
     pub fn distance(label: &str, metres: &Plane<f32>) -> Self {
-        let small = shrink(metres.size(), |x, y| [metres[(x, y)]; 3]);
-        let mut known: Vec<f32> = small
-            .samples()
-            .iter()
-            .map(|m| m[0])
-            .filter(|m| m.is_finite())
-            .collect();
-        known.sort_unstable_by(f32::total_cmp);
-        let at = |fraction: f64| known[((known.len() - 1) as f64 * fraction) as usize];
-        if known.is_empty() {
-            return Self::of(format!("{label}: unknown"), small.map(|_| None));
+        match range(metres) {
+            Some((near, far)) => {
+                let label = format!("{label} {near:.2}–{far:.2} m");
+                Self::distance_within(label, metres, (near, far))
+            }
+            None => {
+                let small = shrink(metres.size(), |x, y| [metres[(x, y)]; 3]);
+                Self::of(format!("{label}: unknown"), small.map(|_| None))
+            }
         }
-        let (near, far) = (at(0.02), at(0.98));
+    }
+
+    /// Distances in a range given in metres, so that several panels compare.
+    pub fn distance_within(
+        label: impl Into<String>,
+        metres: &Plane<f32>,
+        (near, far): (f32, f32),
+    ) -> Self {
+        let small = shrink(metres.size(), |x, y| [metres[(x, y)]; 3]);
         let span = (far - near).max(1e-6);
+        let color = |metres: f32| viridis(1.0 - (metres - near) / span);
         Self::of(
-            format!("{label} {near:.2}–{far:.2} m"),
-            small.map(|m| {
-                m[0].is_finite()
-                    .then(|| viridis(1.0 - (m[0] - near) / span))
-            }),
+            label,
+            small.map(|[metres, ..]| metres.is_finite().then(|| color(*metres))),
         )
+    }
+
+    /// The same picture, its longer side brought to so many pixels: means where it shrinks, repeated
+    /// pixels where it grows.
+    pub fn fitted(self, side: usize) -> Self {
+        let (width, height) = self.picture.size();
+        let longer = width.max(height).max(1);
+        let small = |length: usize| (length * side / longer).max(1);
+        let (columns, rows) = (small(width), small(height));
+        let span = |index: usize, parts: usize, length: usize| {
+            let from = index * length / parts;
+            from..((index + 1) * length / parts).max(from + 1)
+        };
+        let picture = Plane::from_fn(columns, rows, |x, y| {
+            let (mut sum, mut number) = ([0_u32; 3], 0);
+            for from_y in span(y, rows, height) {
+                for from_x in span(x, columns, width) {
+                    number += 1;
+                    for (sum, value) in sum.iter_mut().zip(self.picture[(from_x, from_y)]) {
+                        *sum += u32::from(value);
+                    }
+                }
+            }
+            sum.map(|sum| (sum / number) as u8)
+        });
+        Self { picture, ..self }
     }
 
     fn of(label: impl Into<String>, picture: Plane<Option<[u8; 3]>>) -> Self {
@@ -90,9 +120,38 @@ impl Panel {
     }
 }
 
+/// The 2nd and the 98th percentile of the distances known, as they are shown; `None` where none is.
+pub fn range(metres: &Plane<f32>) -> Option<(f32, f32)> {
+    let small = shrink(metres.size(), |x, y| [metres[(x, y)]; 3]);
+    let samples = small.samples().iter();
+    let mut known: Vec<f32> = samples.map(|m| m[0]).filter(|m| m.is_finite()).collect();
+    known.sort_unstable_by(f32::total_cmp);
+    let last = known.len().checked_sub(1)?;
+    let at = |fraction: f64| known[(last as f64 * fraction) as usize];
+    Some((at(0.02), at(0.98)))
+}
+
+/// How panels are laid out.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Layout {
+    /// Panels side by side, from 1.
+    pub columns: usize,
+    /// Height of a panel's label, pixels.
+    pub label: f32,
+}
+
 /// Lays panels out in rows of four under a title.
 pub fn lay_out(title: &str, panels: &[Panel]) -> Plane<[u8; 3]> {
-    let columns = panels.len().clamp(1, COLUMNS);
+    let layout = Layout {
+        columns: COLUMNS,
+        label: LABEL,
+    };
+    lay_out_as(title, panels, layout)
+}
+
+/// Lays panels out in rows under a title.
+pub fn lay_out_as(title: &str, panels: &[Panel], layout: Layout) -> Plane<[u8; 3]> {
+    let columns = panels.len().clamp(1, layout.columns.max(1));
     let cell = panels
         .iter()
         .map(|panel| panel.picture.width())
@@ -109,7 +168,7 @@ pub fn lay_out(title: &str, panels: &[Panel]) -> Plane<[u8; 3]> {
         })
         .collect();
     let head = GAP * 2 + TITLE as usize;
-    let foot = LABEL as usize + GAP + GAP / 2;
+    let foot = layout.label as usize + GAP + GAP / 2;
     let width = GAP + columns * (cell + GAP);
     let height = head + row_heights.iter().map(|row| row + foot).sum::<usize>();
     let mut page = Plane::filled(width, height, PAPER);
@@ -128,8 +187,9 @@ pub fn lay_out(title: &str, panels: &[Panel]) -> Plane<[u8; 3]> {
                 let line = panel.picture.row(y);
                 page.row_mut(top + y)[left..left + line.len()].copy_from_slice(line);
             }
-            let words = label::fit(LABEL, cell, &panel.label);
-            label::draw(&mut page, (left, top + height + 3), LABEL, INK, &words);
+            let words = label::fit(layout.label, cell, &panel.label);
+            let place = (left, top + height + 3);
+            label::draw(&mut page, place, layout.label, INK, &words);
         }
         top += height + foot;
     }

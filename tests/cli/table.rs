@@ -8,7 +8,7 @@ use serde_json::Value;
 use std::{fs, path::Path};
 
 /// A capture of this name with a white truth under two lamps.
-fn capture(folder: &Path, name: &str) {
+pub(super) fn capture(folder: &Path, name: &str) {
     let capture = folder.join(name);
     Capture::GOOD.write(&capture);
     let truth = capture.join("truth");

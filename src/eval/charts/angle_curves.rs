@@ -191,7 +191,8 @@ impl Chart for AngleCurves<'_> {
     }
 
     fn draw<B: DrawingBackend>(&self, area: &Canvas<B>) -> Drawn<B> {
-        heading(area, "Error against the lamp's angle", 13, (30, 14))?;
+        let title = "Error against the lamp's angle (PSNR: higher is better; MSE: lower is better)";
+        heading(area, title, 13, (30, 14))?;
         let captures = named(&self.report.capture_names());
         area.draw_text(&captures, &text(8, FAINT, HPos::Left, VPos::Top), (30, 46))?;
         for (left, plot) in LEFTS.into_iter().zip(&self.plots) {

@@ -13,7 +13,7 @@ const PITCH: i32 = 410;
 const RIM: i32 = 140;
 const LEFT: i32 = 20;
 const TOP: i32 = 84;
-const WORST: RGBColor = RGBColor(0xd5, 0x5e, 0x00);
+pub(super) const WORST: RGBColor = RGBColor(0xd5, 0x5e, 0x00);
 
 /// One row's maps.
 pub(super) struct Hemisphere<'a> {
@@ -52,7 +52,7 @@ impl<'a> Hemisphere<'a> {
         let found = dome.means(lights, map.value);
         let mut worst: Option<(Cell, f64)> = None;
         for (cell, mean) in dome.cells().into_iter().zip(found) {
-            let outline = outline(&cell, middle);
+            let outline = outline(&cell, middle, RIM);
             let border = |color: RGBColor| PathElement::new(closed(&outline), color);
             let Some((mean, _)) = mean else {
                 area.draw(&border(FAINT))?;
@@ -72,7 +72,7 @@ impl<'a> Hemisphere<'a> {
         let Some((cell, value)) = worst else {
             return area.draw_text("no light with an answer", &style, at(0, RIM + 12));
         };
-        let edge = PathElement::new(closed(&outline(&cell, middle)), WORST.stroke_width(3));
+        let edge = PathElement::new(closed(&outline(&cell, middle, RIM)), WORST.stroke_width(3));
         area.draw(&edge)?;
         let values = lights.iter().filter_map(|(_, light)| (map.value)(light));
         let values: Vec<f64> = values.collect();
@@ -208,9 +208,9 @@ impl std::fmt::Display for WorstLight<'_> {
     }
 }
 
-/// Pixels of a point so many degrees off the axis, at an azimuth in degrees.
-fn polar((x, y): (i32, i32), off_axis: f64, azimuth: f64) -> (i32, i32) {
-    let radius = f64::from(RIM) * off_axis / 90.0;
+/// Pixels of a point so many degrees off the axis, at an azimuth in degrees; `rim` pixels = 90°.
+fn polar((x, y): (i32, i32), rim: i32, off_axis: f64, azimuth: f64) -> (i32, i32) {
+    let radius = f64::from(rim) * off_axis / 90.0;
     let (sine, cosine) = azimuth.to_radians().sin_cos();
     (
         x + (radius * cosine).round() as i32,
@@ -219,13 +219,13 @@ fn polar((x, y): (i32, i32), off_axis: f64, azimuth: f64) -> (i32, i32) {
 }
 
 /// The corners of a cell, arcs in steps of a few degrees.
-fn outline(cell: &Cell, middle: (i32, i32)) -> Vec<(i32, i32)> {
+pub(super) fn outline(cell: &Cell, middle: (i32, i32), rim: i32) -> Vec<(i32, i32)> {
     let [inner, outer] = cell.off_axis_degrees;
     let [from, to] = cell.azimuth_degrees;
     let steps = (((to - from) / 4.0).ceil() as usize).max(1);
     let arc = |off_axis: f64, step: usize| {
         let share = step as f64 / steps as f64;
-        polar(middle, off_axis, from + share * (to - from))
+        polar(middle, rim, off_axis, from + share * (to - from))
     };
     let mut points: Vec<(i32, i32)> = (0..=steps).map(|step| arc(outer, step)).collect();
     // A whole disc has no inner side.
@@ -235,7 +235,7 @@ fn outline(cell: &Cell, middle: (i32, i32)) -> Vec<(i32, i32)> {
     points
 }
 
-fn closed(outline: &[(i32, i32)]) -> Vec<(i32, i32)> {
+pub(super) fn closed(outline: &[(i32, i32)]) -> Vec<(i32, i32)> {
     let mut points = outline.to_vec();
     points.extend(outline.first());
     points
@@ -248,7 +248,7 @@ fn inside(cell: &Cell, middle: (i32, i32)) -> (i32, i32) {
     if inner == 0.0 {
         return middle;
     }
-    polar(middle, (inner + outer) / 2.0, (from + to) / 2.0)
+    polar(middle, RIM, (inner + outer) / 2.0, (from + to) / 2.0)
 }
 
 /// Whether white letters are better read on it than black ones (Rec. 709 luma).

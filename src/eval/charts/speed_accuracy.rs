@@ -14,7 +14,7 @@ const ENTRY: i32 = 46;
 const MARKS: [&str; 4] = [
     "dot: mean over lights and captures; full: clean",
     "depth, hollow: noisy depth",
-    "whisker: down to the worst light of all",
+    "whisker: down to the worst direction of the light",
     "grey line: Pareto front of clean depth",
 ];
 const PLOT: [(i32, i32); 2] = [(90, 110), (700, 560)];
@@ -219,7 +219,8 @@ impl Chart for SpeedAccuracy<'_> {
     }
 
     fn draw<B: DrawingBackend>(&self, area: &Canvas<B>) -> Drawn<B> {
-        heading(area, "Speed against accuracy of relighting", 13, (30, 14))?;
+        let title = "Speed against accuracy of relighting (up and left is better)";
+        heading(area, title, 13, (30, 14))?;
         let machine = &self.report.machine;
         let names = self.report.capture_names();
         let build = if machine.release_build {
@@ -261,7 +262,7 @@ fn detail(summary: &RowSummary) -> String {
         .relight_ms
         .map_or("time unknown".to_owned(), |time| format!("{time:.2} ms"));
     let mean = mean.linear_psnr_db;
-    format!("{time}, mean {mean} dB, worst {worst} dB")
+    format!("{time}, mean {mean} dB, worst light {worst} dB")
 }
 
 fn point(summary: &RowSummary, figures: Option<&RowFigures>, noisy: bool) -> Option<Point> {
@@ -271,7 +272,7 @@ fn point(summary: &RowSummary, figures: Option<&RowFigures>, noisy: bool) -> Opt
         noisy,
         milliseconds: figures.relight_ms?,
         mean_db: figures.mean?.linear_psnr_db.0,
-        worst_db: figures.worst_linear_psnr_db?.0,
+        worst_db: figures.worst_direction?.linear_psnr_db.0,
     };
     let drawable =
         point.milliseconds > 0.0 && point.mean_db.is_finite() && point.worst_db.is_finite();

@@ -1,6 +1,6 @@
 //! Cells → curves: error growth by way and row, and where a row becomes worse than doing nothing.
 
-use super::{CaptureCells, Cell, Spoiling};
+use super::{CaptureCells, Cell, Detector, Spoiling};
 use crate::eval::roster::{Roster, Row};
 use crate::eval::summary::mean;
 use serde::Serialize;
@@ -21,6 +21,8 @@ pub struct StabilityReport {
     pub ways: Vec<WayReport>,
     /// Every row that answered a capture as it came.
     pub growth: Vec<RowGrowth>,
+    /// What the shots say about themselves, way by way.
+    pub detectors: Vec<Detector>,
     /// What all of it was made of.
     pub captures: Vec<CaptureCells>,
 }
@@ -130,6 +132,7 @@ impl StabilityReport {
             severities: spoiling.severities.clone(),
             growth: growth.collect(),
             ways,
+            detectors: Detector::all(spoiling, &captures),
             captures,
         }
     }
@@ -240,6 +243,7 @@ mod tests {
             severity,
             rows: rows.collect(),
             silent: Vec::new(),
+            findings: Vec::new(),
             refused: mses.is_empty().then(|| "no depth".to_owned()),
         }
     }

@@ -1,9 +1,11 @@
 //! The stability run: captures made worse on purpose, and what each row loses by it.
 
+mod detectors;
 mod figures;
 mod trial;
 mod words;
 
+pub use detectors::{Detector, HARMED_GROWTH};
 pub use figures::{COMPARED, CurvePoint, RowCurve, RowGrowth, StabilityReport, WayReport};
 pub(super) use trial::{Asked, measure};
 pub(super) use words::csv;
@@ -52,9 +54,20 @@ pub struct Cell {
     pub rows: Vec<CellRow>,
     /// The rows that did not.
     pub silent: Vec<SilentRow>,
+    /// What the shot says about itself.
+    pub findings: Vec<CellFinding>,
     /// Why nothing could be measured: the way does not exist for this capture, or what it leaves
     /// cannot be developed.
     pub refused: Option<String>,
+}
+
+/// One finding of [`crate::verdict`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CellFinding {
+    /// Name of the failure mode.
+    pub mode: String,
+    /// How strong it is; 1 and more = harmful.
+    pub score: f32,
 }
 
 /// One row's pictures of one cell, means over the lights.

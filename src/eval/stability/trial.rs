@@ -1,6 +1,6 @@
 //! One capture through all its states.
 
-use super::{CaptureCells, Cell, CellRow, Spoiling};
+use super::{CaptureCells, Cell, CellFinding, CellRow, Spoiling};
 use crate::corruption::Corruption;
 use crate::develop;
 use crate::eval::bench::Bench;
@@ -14,6 +14,7 @@ use crate::eval::roster::Roster;
 use crate::eval::row_run::RowRun;
 use crate::eval::summary::mean;
 use crate::folder::{Capture, Truth};
+use crate::verdict;
 use drivers::Plane;
 
 /// What is asked of a capture.
@@ -140,6 +141,7 @@ impl<'a> Trial<'a> {
             severity: way.map_or(0, |(_, severity)| severity),
             rows: Vec::new(),
             silent: Vec::new(),
+            findings: Vec::new(),
             refused: None,
         };
         let name = &self.capture.name;
@@ -164,6 +166,14 @@ impl<'a> Trial<'a> {
                 return Ok(cell);
             }
         };
+        let findings = verdict::judge(&shot, &development).findings;
+        cell.findings = findings
+            .into_iter()
+            .map(|finding| CellFinding {
+                mode: finding.mode.to_owned(),
+                score: finding.score,
+            })
+            .collect();
         let capture = Capture {
             name: name.clone(),
             shot,

@@ -31,11 +31,25 @@ impl std::fmt::Display for StabilityReport {
                 some => writeln!(out, "; worse than doing nothing from {}", some.join(", "))?,
             }
         }
+        let scored = self
+            .detectors
+            .iter()
+            .filter_map(|one| Some((one.mode, one.auroc?)));
+        let scored: Vec<String> = scored
+            .map(|(mode, auroc)| format!("{mode} {auroc:.2}"))
+            .collect();
+        if !scored.is_empty() {
+            writeln!(
+                out,
+                "  AUROC of what shots say of themselves: {}",
+                scored.join(", ")
+            )?;
+        }
         for way in &self.ways {
             if let Some(reason) = &way.first_refusal {
                 writeln!(
                     out,
-                    "  {}: {} of its captures could not be developed: {reason}",
+                    "  {}: {} states could not be developed, the first: {reason}",
                     way.name, way.refused
                 )?;
             }
