@@ -108,10 +108,10 @@ impl Chart for PolarMaps<'_> {
         )?;
         let words = [
             format!(
-                "as the camera sees the lamps: middle = beside the lens, rim = from the side; {} captures,",
+                "as the camera sees the lamps: middle = beside the lens, rim = from the side; {} captures, clean depth;",
                 self.captures
             ),
-            "clean depth; color: mean of a cell; orange edge: worst cell; empty: no lamp"
+            "left PSNR, right shadow IoU; color: mean over the lamps of a cell; orange edge: worst cell; empty: no lamp"
                 .to_owned(),
         ];
         for (line, words) in words.iter().enumerate() {
