@@ -17,7 +17,7 @@ pub enum Answering {
     /// The paper's networks.
     Paper(Paper),
     /// What the shot needs, and time allows.
-    Auto(Auto),
+    Auto(Box<Auto>),
 }
 
 /// What choosing takes.
@@ -73,7 +73,7 @@ pub fn ready(asked: Asked, settings: &Settings) -> Result<(Answering, Vec<String
                 network,
             };
             let warnings = warning.into_iter().chain(missing).collect();
-            Ok((Answering::Auto(auto), warnings))
+            Ok((Answering::Auto(Box::new(auto)), warnings))
         }
     }
 }

@@ -1,6 +1,6 @@
 //! The developed shot under its lights: by its model, or by the paper's networks.
 
-use super::{Answering, Auto, Clock, DarkroomError, LoadNetwork, Order};
+use super::{Answering, Clock, DarkroomError, LoadNetwork, Order};
 use crate::{
     develop::Development,
     parsimony::{Model, Shadow},
@@ -21,8 +21,9 @@ pub(super) fn lit(
 ) -> Result<Vec<Relit>, DarkroomError> {
     match order.answering {
         Answering::Closed => by_model(None, order, model, clock, observe),
-        Answering::Auto(Auto { network, .. }) => {
-            let load = network
+        Answering::Auto(auto) => {
+            let load = auto
+                .network
                 .as_ref()
                 .filter(|_| model.terms.shadow == Shadow::Network && !order.lamps.is_empty());
             by_model(load, order, model, clock, observe)

@@ -51,13 +51,10 @@ pub(super) fn modelled(
         // An environment costs some eight lamps.
         lamps: order.lamps.len() + 8 * usize::from(order.environment.is_some()),
     };
-    if let Answering::Auto(Auto {
-        costs,
-        budget: Some(budget),
-        ..
-    }) = order.answering
+    if let Answering::Auto(auto) = order.answering
+        && let Some(budget) = auto.budget
     {
-        Plan::check(1e3 * budget.as_secs_f64(), costs, work)?;
+        Plan::check(1e3 * budget.as_secs_f64(), &auto.costs, work)?;
     }
     clock.begin(name_of(Stage::Radiometry));
     observe(Stage::Radiometry.description());

@@ -62,6 +62,10 @@ pub struct Chosen {
     /// What leaving the others out was expected to change, root mean square, linear light, white = 1;
     /// `None` where nothing was looked at.
     pub expected_change: Option<f32>,
+    /// Whether depth that the photograph contradicts was left out.
+    pub depth_left_out: bool,
+    /// Share of the photograph that answers were mixed with, [0, 0.5].
+    pub hedge: f32,
     /// Choosing, milliseconds.
     pub choosing_ms: f64,
     /// Developing with the terms from the flash's light on, milliseconds.
@@ -109,6 +113,8 @@ impl Method for Ours {
             terms: plan.terms,
             factor: plan.factor,
             expected_change: plan.change.is_finite().then_some(plan.change),
+            depth_left_out: model.depth_left_out,
+            hedge: model.hedge,
             choosing_ms: 1e3 * choosing.as_secs_f64(),
             developing_ms: 1e3 * began.elapsed().as_secs_f64(),
         };

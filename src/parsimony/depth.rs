@@ -96,7 +96,7 @@ fn held(shot: &Shot, metres: &Plane<f32>) -> Vec<Held> {
             };
             let one = Held {
                 tile: y * TILES / height * TILES + x * TILES / width,
-                ray: ray,
+                ray,
                 inverse: inverse(x, y),
                 near: around(x, y, 1),
                 far: around(x, y, 2),

@@ -11,6 +11,8 @@ use drivers::{DepthFrame, Plane};
 
 /// Failures after which nothing of a relit picture is sure; what is left of it is mixed with the photograph.
 const HEDGED: [&str; 4] = ["flash-saturation", "wrong-transfer", "phase-wrap", "mirror"];
+/// Score from which a failure is beyond doubt: clean captures reach 1.8 (rendered validation captures).
+const SURE: f32 = 2.0;
 /// Largest share of the photograph.
 const MOST_HEDGE: f32 = 0.5;
 
@@ -72,7 +74,7 @@ pub(super) fn hedge(verdict: &Verdict) -> f32 {
         .iter()
         .filter(|finding| HEDGED.contains(&finding.mode));
     let worst = worst.map(|finding| finding.score).fold(0.0, f32::max);
-    MOST_HEDGE * (1.0 - 1.0 / worst.max(1.0))
+    MOST_HEDGE * (1.0 - SURE / worst.max(SURE))
 }
 
 /// Mixes an answer with the photograph, made as bright as the answer.

@@ -220,11 +220,11 @@ fn shadows_and_bounces(glance: &Glance, terms: Terms) -> f32 {
     shadow.hypot(indirect)
 }
 
-/// A highlight that held-out samples speak against, by both rules, may be missed half as much.
-fn unasked(glance: &Glance, model: usize) -> f32 {
-    let enough = |rule| glance.material.pick(rule) <= model;
+/// Highlights that held-out samples speak against, by both rules, may be missed half as much.
+fn unasked(glance: &Glance) -> f32 {
+    let matte = |rule| glance.material.pick(rule) == 0;
     let measured = !glance.material.held_out.is_empty();
-    if measured && enough(Rule::OneStandardError) && enough(Rule::Bic) {
+    if measured && matte(Rule::OneStandardError) && matte(Rule::Bic) {
         0.5
     } else {
         1.0
@@ -235,8 +235,8 @@ fn unasked(glance: &Glance, model: usize) -> f32 {
 fn change(glance: &Glance, terms: Terms, coarser: usize) -> f32 {
     let changes = &glance.changes;
     let material = match terms.material {
-        Material::Matte => changes.material[0] * unasked(glance, 0),
-        Material::OneRoughness => changes.material[1] * unasked(glance, 1),
+        Material::Matte => changes.material[0] * unasked(glance),
+        Material::OneRoughness => changes.material[1],
         Material::Varying => 0.0,
     };
     if terms.geometry == Geometry::Plane {

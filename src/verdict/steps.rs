@@ -195,8 +195,7 @@ fn step_at(look: &Look<'_>, x: usize, y: usize, across: bool) -> Option<Step> {
     let (here, there) = (look.metres[(x, y)], *look.metres.get(next.0, next.1)?);
     let rise = there - here;
     let least = STEP * here.min(there);
-    // False for NaN.
-    if !(rise.abs() > least) {
+    if rise.is_nan() || rise.abs() <= least {
         return None;
     }
     let at = |plane: &Plane<f32>, steps: isize| {

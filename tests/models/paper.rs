@@ -3,7 +3,7 @@
 use super::paper;
 use captured::{config::Config, session};
 use captured::{
-    darkroom::{self, Order, Source},
+    darkroom::{self, Answering, Order, Source},
     develop::{Options, develop},
     output::{Existing, Manifest},
     relight::{Lamp, networks::Variant},
@@ -18,7 +18,7 @@ fn taken(address: &str) -> session::Taken {
 #[test]
 fn a_folder_of_the_papers_tier_says_which_networks_made_it() {
     let taken = taken("synthetic:desk");
-    let paper = paper();
+    let answering = Answering::Paper(paper());
     let lamps = [[0.6, 0.5, 0.62], [-0.3, 0.0, 0.9]].map(|l| Lamp::from_person(l).unwrap());
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");
@@ -30,7 +30,7 @@ fn a_folder_of_the_papers_tier_says_which_networks_made_it() {
         },
         lamps: &lamps,
         environment: None,
-        paper: Some(&paper),
+        answering: &answering,
         warnings: Vec::new(),
         attachments: &[],
     };
