@@ -1,6 +1,7 @@
 //! From a shot to a folder of results: develop, light, write, and say what to doubt.
 
 mod answering;
+mod doubts;
 mod lights;
 mod modelled;
 
@@ -18,17 +19,14 @@ use crate::{
     radiometry::{SubtractionReport, linearise},
     relight::{Environment, Lamp, Relit, networks::NetworkError},
     shot::{DropCounts, Shot},
+    verdict::{Verdict, judge},
 };
+use doubts::{doubts, fraction, mean_confidence};
 use drivers::{ColorFrame, Plane};
 use modelled::Evidence;
 use std::{path::Path, time::Instant};
 use thiserror::Error;
 
-/// Fraction of pixels from which something is worth a warning.
-const WORTH_SAYING: f32 = 0.25;
-/// Fraction of pixels whose way to the light leaves the picture from which that is worth a warning:
-/// under a slanted light it does so for half of any picture.
-const UNSEEN: f32 = 0.75;
 /// Fraction of usable pixels within the noise from which there is no flash in the picture.
 const NO_FLASH: f32 = 0.98;
 
@@ -113,6 +111,13 @@ pub fn print(
 ) -> Result<Manifest, DarkroomError> {
     let clock = &mut Clock::default();
     let (mut model, evidence) = modelled::modelled(order, clock, observe)?;
+    let verdict = order.answering.has_time().then(|| {
+        clock.begin("judge");
+        judge(order.shot, &model.development)
+    });
+    if let Some(verdict) = &verdict {
+        model.development.scene.confidence = verdict.confidence.clone();
+    }
     // Asked for by no later stage; 48 MB of a photograph of 12 megapixels.
     model.development.flash_only.variance = Plane::default();
     let relit = lights::lit(order, &mut model, clock, observe)?;
@@ -126,7 +131,7 @@ pub fn print(
         .map(label)
         .chain(order.environment.map(|(name, _)| name.to_owned()))
         .collect();
-    warnings.extend(doubts(&labels, development, &relit));
+    warnings.extend(doubts(&labels, development, verdict.as_ref(), &relit));
     // An environment's light comes from everywhere: no direction.
     let directions = order
         .lamps
@@ -156,7 +161,12 @@ pub fn print(
         scene: &development.scene,
         relit: &views,
         timings_ms: &timings_ms,
-        report: report(order, development, evidence.as_ref(), &relit),
+        report: report(
+            order,
+            development,
+            (evidence.as_ref(), verdict.as_ref()),
+            &relit,
+        ),
         warnings: &warnings,
         attachments: order.attachments,
     };
@@ -226,7 +236,7 @@ fn refuse_without_flash(order: &Order<'_>, found: &SubtractionReport) -> Result<
 fn report(
     order: &Order<'_>,
     development: &Development,
-    evidence: Option<&Evidence>,
+    (evidence, verdict): (Option<&Evidence>, Option<&Verdict>),
     relit: &[Relit],
 ) -> serde_json::Value {
     let (tier, networks) = match order.answering {
@@ -248,90 +258,6 @@ fn report(
         "tier": tier,
         "networks": networks,
         "model": evidence,
+        "verdict": verdict.map(|verdict| &verdict.findings),
     })
-}
-
-/// What should lower the trust in the answer, in words.
-fn doubts(labels: &[String], development: &Development, relit: &[Relit]) -> Vec<String> {
-    let found = &development.flash_only.report;
-    let known = fraction(&development.registered.metres, |metres| !metres.is_nan());
-    let confidence = mean_confidence(development);
-    let mut doubts = Vec::new();
-    let mut doubt = |applies: bool, words: String| {
-        if applies {
-            doubts.push(words);
-        }
-    };
-    let percent = |fraction: f32| format!("{:.0} %", 100.0 * fraction);
-    doubt(
-        found.weak_fraction > WORTH_SAYING,
-        format!(
-            "the flash is weak: {} of its light is within the noise (median {:.1} dB); go nearer or darken the room",
-            percent(found.weak_fraction),
-            found.snr_db
-        ),
-    );
-    doubt(
-        !development.scene.flash_lit,
-        "the photograph does not look lit by a flash at the lens (its light does not fall off with distance and slant): it is taken as evenly lit, and its own shading stays in the albedo; take one photograph with the flash and one without"
-            .into(),
-    );
-    doubt(
-        found.clipped_fraction > WORTH_SAYING,
-        format!(
-            "{} of the photograph is clipped and has no answer; shorten the exposure or step back",
-            percent(found.clipped_fraction)
-        ),
-    );
-    doubt(
-        found.moved_fraction > WORTH_SAYING,
-        format!(
-            "{} of the picture moved between the frames and has no answer",
-            percent(found.moved_fraction)
-        ),
-    );
-    doubt(
-        known < 1.0 - WORTH_SAYING,
-        format!(
-            "depth is known for only {} of the photograph",
-            percent(known)
-        ),
-    );
-    doubt(
-        confidence < WORTH_SAYING,
-        format!("low confidence: {confidence:.2} of 1 on average over the known pixels"),
-    );
-    for (label, relit) in labels.iter().zip(relit) {
-        doubt(
-            relit.unseen_path_fraction > UNSEEN,
-            format!(
-                "light {}: for {} of the pixels the way to the light leaves the picture; what stands there is unknown",
-                label,
-                percent(relit.unseen_path_fraction)
-            ),
-        );
-    }
-    doubts
-}
-
-fn mean_confidence(development: &Development) -> f32 {
-    let known = development
-        .scene
-        .confidence
-        .samples()
-        .iter()
-        .filter(|value| value.is_finite());
-    let (sum, count) = known.fold((0.0f64, 0u32), |(sum, count), value| {
-        (sum + f64::from(*value), count + 1)
-    });
-    (sum / f64::from(count.max(1))) as f32
-}
-
-fn fraction<T>(plane: &Plane<T>, counts: impl Fn(&T) -> bool) -> f32 {
-    let counted = plane
-        .samples()
-        .iter()
-        .filter(|sample| counts(sample))
-        .count();
-    counted as f32 / plane.len().max(1) as f32
 }

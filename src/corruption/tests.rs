@@ -1,7 +1,12 @@
 //! What holds for all eighteen.
 
 use super::{CORRUPTIONS, Corruption, CorruptionError, MOST_SEVERE, field::field};
-use crate::{radiometry::linearise, shot::Shot};
+use crate::{
+    develop::{Options, develop},
+    radiometry::linearise,
+    shot::Shot,
+    verdict::judge,
+};
 use drivers::{
     ColorFrame, DepthFrame, Distortion, Exposure, FlashLamp, Frame, Illumination, Intrinsics,
     Pixels, Plane, Rig, Timestamp, Transfer, admission::admit, chance::Chance,
@@ -366,5 +371,25 @@ proptest! {
         let corruption = &CORRUPTIONS[which];
         let at = |severity| damage(&clean, &corruption.on_shot(&clean, severity, seed).unwrap());
         prop_assert!(at(5) > at(1), "{}", corruption.name);
+    }
+}
+
+#[test]
+fn each_at_its_worst_is_found_by_the_verdict_and_nothing_is_found_in_the_clean_corner() {
+    for room in [None, Some(0.5)] {
+        let clean = corner(128, room);
+        let findings = |shot: &Shot| {
+            let development = develop(shot, &Options::default(), &mut |_| {}).unwrap();
+            judge(shot, &development).findings
+        };
+        for finding in findings(&clean) {
+            assert!(!finding.is_harmful(), "clean corner: {finding:?}");
+        }
+        for corruption in &CORRUPTIONS {
+            let worst = corruption.on_shot(&clean, MOST_SEVERE, 0).unwrap();
+            let found = findings(&worst);
+            let found = found.iter().find(|f| f.mode == corruption.name).unwrap();
+            assert!(found.is_harmful(), "room {room:?}: {found:?}");
+        }
     }
 }

@@ -20,6 +20,16 @@ pub enum Answering {
     Auto(Box<Auto>),
 }
 
+impl Answering {
+    /// False where every millisecond is counted: then nothing is done that answers no light.
+    pub(super) fn has_time(&self) -> bool {
+        match self {
+            Self::Auto(auto) => auto.budget.is_none(),
+            Self::Closed | Self::Paper(_) => true,
+        }
+    }
+}
+
 /// What choosing takes.
 pub struct Auto {
     /// What every step costs here.

@@ -3,6 +3,7 @@
 use super::{
     Finding,
     look::{Look, quantile},
+    steps::Steps,
 };
 use rayon::prelude::*;
 
@@ -13,27 +14,35 @@ const REACH: f32 = 5.0;
 /// Of the edges of a direction, the share that are blurred where something else blurs them.
 const SHARPEST: f32 = 0.85;
 /// Only every so many rows are looked at.
-const EVERY: usize = 2;
+const EVERY: usize = 4;
 /// Fewer edges of a direction tell nothing.
 const FEWEST: usize = 40;
-/// Width of the sharpest edges, pixels at 256×256, that does harm.
-const HARMFUL_WIDTH: f32 = 2.6;
+/// How far apart the photographs of a shot lie, pixels at 256×256: alignment can take that out.
+const HARMFUL_APART: f32 = 5.0;
+/// What the sharpest edges are wider than one pixel, pixels at 256×256, that does harm.
+const HARMFUL_WIDTH: f32 = 1.5;
 
 /// Edges smeared along the way of a moving hand, and a pair that lies apart.
-pub(super) fn hand_shake(look: &Look<'_>) -> Finding {
+pub(super) fn hand_shake(look: &Look<'_>, steps: &Steps) -> Finding {
     let pixel = look.side() / 256.0;
     let widths: Vec<f32> = [(1, 0), (0, 1), (1, 1), (1, -1)]
         .into_par_iter()
         .filter_map(|direction| edge_width(look, direction))
         .collect();
-    let widest = widths.iter().copied().fold(0.0, f32::max) / pixel;
+    // One thing without its outline may be smooth all over.
+    let widths = if look.shot.mask.is_some() && !steps.outline(look) {
+        Vec::new()
+    } else {
+        widths
+    };
+    let widest = widths.iter().copied().fold(1.0, f32::max);
     let [right, down] = look.development.flash_only.report.shift_pixels;
     let apart = right.hypot(down) / (look.stride as f32 * pixel);
-    let score = (widest / HARMFUL_WIDTH).max(0.2 * apart);
+    let score = ((widest - 1.0) / (HARMFUL_WIDTH * pixel)).max(apart / HARMFUL_APART);
     Finding::new("hand-shake", score, None, || {
         format!(
             "even the sharpest edges of one direction are {:.0} pixels wide: the camera moved; hold it against something or expose shorter",
-            widest * pixel * look.stride as f32
+            widest * look.stride as f32
         )
     })
 }

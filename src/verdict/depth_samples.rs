@@ -13,16 +13,16 @@ const SAMPLES: usize = 35_000;
 const HARMFUL_NOISE: f32 = 0.005;
 /// Missing share of the lit picture from which too much is guessed.
 const HARMFUL_HOLES: f32 = 0.05;
-/// Share of the samples at depth steps that hang between front and back.
-const HARMFUL_FLYING: f32 = 0.35;
+/// Share of the samples beside depth steps that neither neighbour goes along with.
+const HARMFUL_FLYING: f32 = 0.15;
 /// Share of all samples that stand alone among missing ones.
 const HARMFUL_SPECKLE: f32 = 0.004;
 /// Depth samples across the picture (root of their number) under which outlines are lost.
 const FEWEST_ACROSS: f32 = 90.0;
 /// Least step, as a share of the nearer depth.
 const STEP: f32 = 0.05;
-/// How far from both ends of a step a sample hangs, as a share of it.
-const HANGING: f32 = 0.15;
+/// How far a flying sample lies from both of its neighbours, to the same side, as a share of depth.
+const ALONE: f32 = 0.03;
 
 /// Counts over the depth frame.
 pub(super) struct Samples {
@@ -30,7 +30,7 @@ pub(super) struct Samples {
     noise: f32,
     /// Share of the lit picture without an answer.
     missing: f32,
-    /// Share of the steps in the middle of which a sample hangs.
+    /// Share of the samples beside steps that lie on neither side's surface.
     flying: f32,
     /// Steps found, as a share of all samples.
     steps: f32,
@@ -56,12 +56,12 @@ impl Samples {
                 }
                 let (left, right, up, down) = (row[x - 1], row[x + 1], above[x], below[x]);
                 for (a, c) in [(left, right), (up, down)] {
-                    let (front, back) = (a.min(c), a.max(c));
-                    if known(front) && known(back) && back - front > STEP * front {
-                        let margin = HANGING * (back - front);
-                        steps += 1;
-                        flying += usize::from(z > front + margin && z < back - margin);
-                    }
+                    // False for NaN.
+                    let step = (z - a).abs() > STEP * z.min(a) || (z - c).abs() > STEP * z.min(c);
+                    steps += usize::from(step);
+                    let (from_a, from_c) = (z - a, z - c);
+                    let alone = from_a * from_c > 0.0 && from_a.abs().min(from_c.abs()) > ALONE * z;
+                    flying += usize::from(step && alone);
                 }
                 let ring = [
                     left,
@@ -74,7 +74,7 @@ impl Samples {
                     below[x + 1],
                 ];
                 let missing = ring.iter().filter(|z| !known(**z)).count();
-                speckle += usize::from(missing >= 4);
+                speckle += usize::from(missing >= 5);
                 if missing == 0 && x % 2 == 0 {
                     // Blind to planes and quadratics; 6 sigma for white noise (Immerkær 1996).
                     let w = |z: f32| z.recip();
@@ -113,7 +113,7 @@ impl Samples {
             Some(self.missing),
             || {
                 format!(
-                    "{} of what the flash lights has no depth and is guessed; go nearer, or turn shiny and black things",
+                    "{} of the lit picture has no depth and is guessed; go nearer, or turn shiny and black things",
                     percent(self.missing)
                 )
             },

@@ -12,7 +12,7 @@ const HARMFUL_AMBIENT: f32 = 4.0;
 /// Share of clipped pixels that does harm.
 const HARMFUL_CLIPPED: f32 = 0.04;
 /// Noise over signal of a typical pixel.
-const HARMFUL_NOISE: f32 = 0.05;
+const HARMFUL_NOISE: f32 = 0.09;
 /// Signal-to-noise ratio under which a pixel is of no use.
 const USABLE_SIGMAS: f32 = 3.0;
 /// Pixels looked at, about.

@@ -76,6 +76,14 @@ impl<'a> Look<'a> {
         }
     }
 
+    /// Natural logarithm of red over blue at a pixel of the working grid.
+    pub fn tint(&self, at: (usize, usize)) -> f32 {
+        let development = self.development;
+        let full = development.working_light.as_ref();
+        let [red, _, blue] = full.unwrap_or(&development.flash_only.light).0[at];
+        (red / blue).ln()
+    }
+
     /// `(width, height)` of the grid.
     pub fn size(&self) -> (usize, usize) {
         self.light.size()

@@ -4,6 +4,7 @@
 //! Nothing here knows the truth. Each detector measures one physical quantity of the pixels, of the
 //! depth samples, or of how they agree, and divides it by the amount from which it does harm.
 
+mod bends;
 mod blocks;
 mod blur;
 mod confidence;
@@ -15,6 +16,8 @@ mod look;
 mod pair;
 mod shading;
 mod steps;
+#[cfg(test)]
+mod tests;
 mod thin;
 
 pub use contradicted::contradicted;
@@ -56,20 +59,20 @@ pub fn judge(shot: &Shot, development: &Development) -> Verdict {
         speckle.noise(),
         speckle.holes(),
         speckle.flying(),
-        shading.multipath(),
+        bends::multipath(&look, &steps),
         steps.phase_wrap(&look),
         steps.misalignment(&look),
         depth_samples::resolution(&look),
         light::bright_ambient(&look),
         light::flash_saturation(&look),
         pair.motion(),
-        blur::hand_shake(&look),
+        blur::hand_shake(&look, &steps),
         pair.mains_flicker(),
         shading.wrong_transfer(),
         light::sensor_noise(&look),
         blocks::jpeg(&look),
         speckle.infrared_black(),
-        steps.mirror(),
+        steps.mirror(&look),
         thin::thin_structures(&look),
         steps.occluders_outside(&look),
     ];

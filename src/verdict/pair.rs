@@ -16,14 +16,16 @@ const REACH: isize = 8;
 /// Contrast of a block, standard deviation of the light's logarithm, that can be found again.
 const CONTRAST: f32 = 0.05;
 /// Correlation a block found again has at least, and gains at least by its shift.
-const FOUND: f32 = 0.7;
-const GAINED: f32 = 0.05;
+const FOUND: f32 = 0.8;
+const GAINED: f32 = 0.1;
+/// Blocks around a moved one, of eight, that move along at least.
+const COMPANY: usize = 1;
 /// Share of the blocks that have moved.
 const HARMFUL_MOVED: f32 = 0.03;
 /// Swing of the room's light from row to row, as a share of it, times its share of the flash's.
 const HARMFUL_SWING: f32 = 0.04;
 /// Pulses during one picture that are looked for.
-const PULSES: std::ops::RangeInclusive<usize> = 2..=12;
+const PULSES: std::ops::RangeInclusive<usize> = 3..=12;
 
 /// What the pair shows.
 pub(super) struct Pair {
@@ -81,7 +83,8 @@ impl Pair {
     }
 }
 
-/// Logarithm of the light's mean over squares of `stride` pixels; NaN = dark or unknown.
+/// Logarithm of the light's mean over squares of `stride` pixels; NaN = dark or unknown. Channels weigh
+/// differently, or surfaces that differ in color alone would look alike.
 fn halved(light: &Plane<[f32; 3]>, stride: usize, (width, height): (usize, usize)) -> Plane<f32> {
     let rows: Vec<Vec<f32>> = (0..height)
         .into_par_iter()
@@ -91,11 +94,11 @@ fn halved(light: &Plane<[f32; 3]>, stride: usize, (width, height): (usize, usize
                 let row = light.row(y);
                 for (x, sum) in sums.iter_mut().enumerate() {
                     for rgb in &row[x * stride..(x + 1) * stride] {
-                        *sum += rgb[0] + rgb[1] + rgb[2];
+                        *sum += 3.0 * rgb[0] + 2.0 * rgb[1] + rgb[2];
                     }
                 }
             }
-            let area = (3 * stride * stride) as f32;
+            let area = (6 * stride * stride) as f32;
             sums.iter().map(|sum| (sum / area).max(0.0).ln()).collect()
         })
         .collect();
@@ -122,56 +125,80 @@ fn swing(flash: &Plane<f32>, room: &Plane<f32>) -> f32 {
     for y in 0..height.saturating_sub(1) {
         profile[y + 1] = profile[y] + rise(room, y) - rise(flash, y);
     }
-    let strengths: Vec<f32> = PULSES.map(|pulses| strength(&profile, pulses)).collect();
-    let rest = quantile(strengths.clone(), 0.5).unwrap_or(0.0);
-    strengths.into_iter().fold(0.0, f32::max) - rest
+    let profile = without_trend(&profile);
+    let strengths: Vec<f32> = (0..=PULSES.end() + 2)
+        .map(|pulses| strength(&profile, pulses))
+        .collect();
+    // A pulse stands out of what is faster; how a room's light slowly changes does not.
+    PULSES
+        .map(|pulses| strengths[pulses] - strengths[pulses + 2])
+        .fold(0.0, f32::max)
 }
 
-/// Amplitude of one frequency in a profile, its straight line taken out.
-fn strength(profile: &[f32], pulses: usize) -> f32 {
+/// A profile less the cubic that fits it best: projections on Legendre's polynomials.
+fn without_trend(profile: &[f32]) -> Vec<f32> {
     let count = profile.len() as f32;
-    let last = profile.last().copied().unwrap_or(0.0);
-    let (mut re, mut im, mut weights) = (0.0, 0.0, 0.0);
-    let mean = profile.iter().sum::<f32>() / count.max(1.0);
+    let place = |i: usize| (2.0 * i as f32 + 1.0) / count - 1.0;
+    let legendre = |t: f32| [1.0, t, 1.5 * t * t - 0.5, (2.5 * t * t - 1.5) * t];
+    let mut parts = [0.0f32; 4];
     for (i, value) in profile.iter().enumerate() {
-        let t = (i as f32 + 0.5) / count;
-        let window = (std::f32::consts::PI * t).sin().powi(2);
-        let value = value - mean - last * (t - 0.5);
-        let (sin, cos) = (std::f32::consts::TAU * pulses as f32 * t).sin_cos();
-        re += window * value * cos;
-        im += window * value * sin;
-        weights += window;
+        for (degree, (part, basis)) in parts.iter_mut().zip(legendre(place(i))).enumerate() {
+            *part += value * basis * (2 * degree + 1) as f32 / count;
+        }
     }
-    2.0 * re.hypot(im) / f32::max(weights, 1.0)
+    let trend = |t: f32| -> f32 { legendre(t).iter().zip(parts).map(|(b, p)| b * p).sum() };
+    (0..profile.len())
+        .map(|i| profile[i] - trend(place(i)))
+        .collect()
+}
+
+/// Amplitude of one frequency in a profile.
+fn strength(profile: &[f32], pulses: usize) -> f32 {
+    let (mut re, mut im) = (0.0, 0.0);
+    for (i, value) in profile.iter().enumerate() {
+        let turns = pulses as f32 * (i as f32 + 0.5) / profile.len() as f32;
+        let (sin, cos) = (std::f32::consts::TAU * turns).sin_cos();
+        re += value * cos;
+        im += value * sin;
+    }
+    2.0 * re.hypot(im) / profile.len().max(1) as f32
 }
 
 /// Share of the blocks that lie elsewhere in the other picture than most do.
 fn moved(flash: &Plane<f32>, room: &Plane<f32>) -> f32 {
     let (width, height) = flash.size();
-    let corners: Vec<(usize, usize)> = (0..height.saturating_sub(BLOCK - 1))
-        .step_by(BLOCK)
-        .flat_map(|y| {
-            (0..width.saturating_sub(BLOCK - 1))
-                .step_by(BLOCK)
-                .map(move |x| (x, y))
+    let (columns, rows) = (width / BLOCK, height / BLOCK);
+    let shifts: Vec<Option<[isize; 2]>> = (0..columns * rows)
+        .into_par_iter()
+        .map(|block| {
+            let corner = (block % columns * BLOCK, block / columns * BLOCK);
+            shift_of(flash, room, corner)
         })
         .collect();
-    let shifts: Vec<[isize; 2]> = corners
-        .par_iter()
-        .filter_map(|&corner| shift_of(flash, room, corner))
-        .collect();
-    if shifts.is_empty() {
-        return 0.0;
-    }
     let middle = |axis: usize| {
-        quantile(shifts.iter().map(|shift| shift[axis] as f32).collect(), 0.5).unwrap_or(0.0)
+        let along = shifts.iter().flatten().map(|shift| shift[axis] as f32);
+        quantile(along.collect(), 0.5).unwrap_or(0.0)
     };
     let (right, down) = (middle(0), middle(1));
-    let stray = shifts
-        .iter()
-        .filter(|[dx, dy]| (*dx as f32 - right).hypot(*dy as f32 - down) > 1.0)
+    let strays = |shift: [isize; 2]| (shift[0] as f32 - right).hypot(shift[1] as f32 - down) > 1.0;
+    let shifts = Plane::new(columns, rows, shifts).unwrap_or_default();
+    let moved = (0..columns * rows)
+        .filter(|block| {
+            let (x, y) = (block % columns, block / columns);
+            let Some(shift) = shifts[(x, y)].filter(|shift| strays(*shift)) else {
+                return false;
+            };
+            let around = (y.saturating_sub(1)..=y + 1)
+                .flat_map(|y| (x.saturating_sub(1)..=x + 1).map(move |x| (x, y)));
+            let along = around
+                .filter_map(|(x, y)| shifts.get(x, y).copied().flatten())
+                .filter(|other| other[0].abs_diff(shift[0]) + other[1].abs_diff(shift[1]) <= 2)
+                .count();
+            // It goes along with itself.
+            along > COMPANY
+        })
         .count();
-    stray as f32 / corners.len() as f32
+    moved as f32 / (columns * rows).max(1) as f32
 }
 
 /// Where a block of the first picture lies in the second; `None` where it cannot be told.

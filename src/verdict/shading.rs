@@ -18,57 +18,87 @@ const GRAZING: f32 = 0.2;
 const ONE_SURFACE: f32 = 0.06;
 /// Light of one surface differs by less, in natural logarithms.
 const ONE_COLOR: f32 = 0.5;
+/// So does its red over its blue.
+const ONE_TINT: f32 = 0.02;
 /// Shading that tells, in natural logarithms.
 const TELLING: f32 = 0.03;
 /// Departure of the light's logarithm from infrared's, as a factor, that does harm.
 const HARMFUL_GAMMA: f32 = 0.12;
-/// What the shading lacks of what depth says.
-const HARMFUL_SHADING: f32 = 0.4;
+/// The same where only depth tells.
+const CLEAR_GAMMA: f32 = 0.45;
+
+/// Logarithms of ratios are counted from −SPAN to SPAN.
+const SPAN: f32 = 1.0;
+/// Places they are counted at.
+const BINS: usize = 80;
+/// Share of the pairs from which their most frequent ratio is sure.
+const FIRM: f32 = 0.12;
+/// Fewer pairs tell nothing.
+const FEWEST: u32 = 60;
 
 /// How the light changes within surfaces.
+#[derive(Debug, Clone, Copy)]
 pub(super) struct Shading {
-    /// Slope of the light's logarithm over that of the shading that depth predicts; 1 = as it says.
-    pub geometry: Slope,
+    /// Change of the light's logarithm over that of the shading that depth predicts.
+    geometry: Ratios,
     /// The same over infrared amplitude.
-    pub infrared: Slope,
+    infrared: Ratios,
+    flash_lit: bool,
 }
 
-/// A slope through the origin, robust: sums of the absolute values and of the products of signs.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Slope {
-    along: f64,
-    product: f64,
-    back_along: f64,
-    back: f64,
-    pub count: usize,
+/// How often each ratio occurs, by its logarithm; 0 = light changes as it should.
+#[derive(Debug, Clone, Copy)]
+struct Ratios {
+    counts: [u32; BINS],
+    /// Pairs, also those with a ratio beyond the ends or under 0.
+    pairs: u32,
 }
 
-impl Slope {
-    fn add(&mut self, x: f32, y: f32) {
-        self.along += f64::from(x.abs());
-        self.product += f64::from(y * x.signum());
-        self.back_along += f64::from(y.abs());
-        self.back += f64::from(x * y.signum());
-        self.count += 1;
+impl Default for Ratios {
+    fn default() -> Self {
+        Self {
+            counts: [0; BINS],
+            pairs: 0,
+        }
+    }
+}
+
+impl Ratios {
+    fn add(&mut self, told: f32, light: f32) {
+        self.pairs += 1;
+        let place = ((light / told).ln() / SPAN + 1.0) * 0.5 * BINS as f32;
+        // Nor NaN, of light that changes the other way.
+        if place >= 0.0 && place < BINS as f32 {
+            self.counts[place as usize] += 1;
+        }
     }
 
-    fn merged(mut self, other: Self) -> Self {
-        self.along += other.along;
-        self.product += other.product;
-        self.back_along += other.back_along;
-        self.back += other.back;
-        self.count += other.count;
-        self
+    fn merged(self, other: Self) -> Self {
+        Self {
+            counts: std::array::from_fn(|i| self.counts[i] + other.counts[i]),
+            pairs: self.pairs + other.pairs,
+        }
     }
 
-    /// Of y over x; noise of x makes it too small.
-    pub fn forward(&self) -> f32 {
-        (self.product / self.along) as f32
+    fn count(&self) -> u32 {
+        self.counts.iter().sum()
     }
 
-    /// Of y over x, told the other way; noise of y makes it too large.
-    pub fn backward(&self) -> f32 {
-        (self.back_along / self.back) as f32
+    /// The most frequent ratio, as a logarithm, and the share of the pairs that have it: surfaces of one
+    /// color all do, borders of colors have any, noise has all.
+    fn mode(&self) -> (f32, f32) {
+        let around = |i: usize| &self.counts[i.saturating_sub(2)..(i + 3).min(BINS)];
+        let weight = |i: usize| around(i).iter().sum::<u32>();
+        let best = (0..BINS).max_by_key(|&i| weight(i)).unwrap_or(BINS / 2);
+        let first = best.saturating_sub(2);
+        let sum: f32 = around(best)
+            .iter()
+            .enumerate()
+            .map(|(i, count)| (first + i) as f32 * *count as f32)
+            .sum();
+        let place = sum / weight(best).max(1) as f32 + 0.5;
+        let share = weight(best) as f32 / self.pairs.max(1) as f32;
+        ((2.0 * place / BINS as f32 - 1.0) * SPAN, share)
     }
 }
 
@@ -76,6 +106,7 @@ impl Slope {
 #[derive(Debug, Clone, Copy, Default)]
 struct Point {
     light: f32,
+    tint: f32,
     metres: f32,
     falloff: f32,
     amplitude: f32,
@@ -93,27 +124,29 @@ impl Shading {
             .with_min_len(16)
             .map(|y| row(&points, y, apart))
             .reduce(Default::default, |a, b| (a.0.merged(b.0), a.1.merged(b.1)));
-        Self { geometry, infrared }
-    }
-
-    pub fn multipath(&self) -> Finding {
-        let lacking = 1.0 - self.geometry.forward();
-        Finding::new("multipath", lacking / HARMFUL_SHADING, None, || {
-            "the flash's light does not fall on surfaces as depth shapes them: infrared reaches corners over other surfaces; keep bright walls out of the picture's sides or use a higher modulation frequency".into()
-        })
+        Self {
+            geometry,
+            infrared,
+            flash_lit: look.development.scene.flash_lit,
+        }
     }
 
     pub fn wrong_transfer(&self) -> Finding {
-        let slope = if self.infrared.count > 500 {
-            self.infrared
-        } else {
-            self.geometry
+        let told = [
+            (&self.infrared, HARMFUL_GAMMA),
+            // Surfaces that are not matte shade otherwise, too.
+            (&self.geometry, CLEAR_GAMMA),
+        ];
+        let told = told.iter().find(|(ratios, _)| ratios.count() >= FEWEST);
+        let Some((ratios, harmful)) = told.filter(|_| self.flash_lit) else {
+            return Finding::new("wrong-transfer", 0.0, None, String::new);
         };
-        let gamma = (slope.forward().max(0.0) * slope.backward()).sqrt();
-        let off = gamma.ln().abs();
-        Finding::new("wrong-transfer", off / HARMFUL_GAMMA, None, || {
+        let (off, share) = ratios.mode();
+        let firm = (share / FIRM).min(1.0).powi(2);
+        Finding::new("wrong-transfer", firm * off.abs() / harmful, None, || {
             format!(
-                "light changes {gamma:.2} times as much as it should: pixel values follow another curve than stated; measure it with `capturectl calibrate response`"
+                "light changes {:.2} times as much as it should: pixel values follow another curve than stated; measure it with `capturectl calibrate response`",
+                off.exp()
             )
         })
     }
@@ -142,6 +175,7 @@ fn point(look: &Look<'_>, x: usize, y: usize) -> Point {
     };
     Point {
         light: look.light[(x, y)],
+        tint: look.tint(at),
         metres: look.metres[(x, y)],
         falloff,
         amplitude: look
@@ -151,8 +185,8 @@ fn point(look: &Look<'_>, x: usize, y: usize) -> Point {
     }
 }
 
-fn row(points: &Plane<Point>, y: usize, apart: usize) -> (Slope, Slope) {
-    let (mut geometry, mut infrared) = <(Slope, Slope)>::default();
+fn row(points: &Plane<Point>, y: usize, apart: usize) -> (Ratios, Ratios) {
+    let (mut geometry, mut infrared) = <(Ratios, Ratios)>::default();
     for (x, here) in points.row(y).iter().enumerate() {
         for there in [points.get(x + apart, y), points.get(x, y + apart)] {
             let Some(there) = there else {
@@ -161,7 +195,8 @@ fn row(points: &Plane<Point>, y: usize, apart: usize) -> (Slope, Slope) {
             let light = there.light - here.light;
             let step = (there.metres / here.metres - 1.0).abs();
             // False for NaN.
-            if !(light.abs() < ONE_COLOR && step < ONE_SURFACE) {
+            let tint = (there.tint - here.tint).abs();
+            if !(light.abs() < ONE_COLOR && tint < ONE_TINT && step < ONE_SURFACE) {
                 continue;
             }
             let tells = |told: f32| told.abs() > TELLING && told.abs() < ONE_COLOR;

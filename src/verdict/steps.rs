@@ -33,7 +33,7 @@ const EVERY: usize = 3;
 /// Share of the picture whose depth its light contradicts.
 const HARMFUL_WRAPPED: f32 = 0.004;
 /// Share of the picture's rim that nearer things cross.
-const HARMFUL_RIM: f32 = 0.35;
+const HARMFUL_RIM: f32 = 0.7;
 
 /// One pixel of one step.
 #[derive(Debug, Clone, Copy)]
@@ -75,6 +75,11 @@ impl Steps {
             found,
             side: look.side(),
         }
+    }
+
+    /// True where things stand before others: half a side's length of outlines at least.
+    pub fn outline(&self, look: &Look<'_>) -> bool {
+        self.found.len() as f32 > 0.5 * look.side()
     }
 
     /// Depth that lies beside the photograph: where the outlines of depth fit the photograph's best.
@@ -133,13 +138,15 @@ impl Steps {
     }
 
     /// Surfaces that show depth behind them: steps back at which the photograph goes on.
-    pub fn mirror(&self) -> Finding {
+    pub fn mirror(&self, look: &Look<'_>) -> Finding {
         let unseen = self
             .found
             .iter()
             .filter(|step| step.height > TALL && !step.seen)
             .count();
-        let length = unseen as f32 / self.side.max(1.0);
+        // Under any light but a flash what is far may be as bright as what is near.
+        let tells = look.development.scene.flash_lit;
+        let length = f32::from(u8::from(tells)) * unseen as f32 / self.side.max(1.0);
         Finding::new("mirror", length / HARMFUL_UNSEEN, None, || {
             "depth steps where the photograph goes on: something mirrors infrared; turn it, or powder it for the picture".into()
         })
@@ -157,7 +164,8 @@ impl Steps {
             .collect();
         let bright = quantile(pixels.iter().map(|(sent, _)| *sent).collect(), 0.75);
         let far = quantile(pixels.iter().map(|(_, metres)| *metres).collect(), 0.9);
-        let (Some(bright), Some(far)) = (bright, far) else {
+        let tells = look.development.scene.flash_lit;
+        let (Some(bright), Some(far), true) = (bright, far, tells) else {
             return Finding::new("phase-wrap", 0.0, None, String::new);
         };
         let contradicted = pixels
