@@ -111,9 +111,11 @@ pub fn print(
 ) -> Result<Manifest, DarkroomError> {
     let clock = &mut Clock::default();
     let (mut model, evidence) = modelled::modelled(order, clock, observe)?;
-    let verdict = order.answering.has_time().then(|| {
-        clock.begin("judge");
-        judge(order.shot, &model.development)
+    let verdict = model.verdict.take().or_else(|| {
+        order.answering.has_time().then(|| {
+            clock.begin("judge");
+            judge(order.shot, &model.development)
+        })
     });
     if let Some(verdict) = &verdict {
         model.development.scene.confidence = verdict.confidence.clone();

@@ -81,9 +81,10 @@ pub(super) fn modelled(
             (plan, glance, Some(evidence))
         }
     };
-    let build = match evidence {
-        Some(_) => Model::careful,
-        None => Model::new,
+    // Whoever counts milliseconds has none for a second look.
+    let build = match (order.answering, order.answering.has_time()) {
+        (Answering::Auto(_), true) => Model::careful,
+        _ => Model::new,
     };
     let model = build(shot, flash_only, &plan, &glance, &base, &mut |stage| {
         clock.begin(name_of(stage));

@@ -9,12 +9,16 @@ use crate::{
 };
 use drivers::{DepthFrame, Plane};
 
-/// Failures after which nothing of a relit picture is sure; what is left of it is mixed with the photograph.
-const HEDGED: [&str; 4] = ["flash-saturation", "wrong-transfer", "phase-wrap", "mirror"];
+/// Failures after which nothing of a relit picture is sure, and the largest share of the photograph that
+/// is mixed into it then: distances that are wrong leave less than light that is.
+const HEDGED: [(&str, f32); 4] = [
+    ("flash-saturation", 0.5),
+    ("wrong-transfer", 0.5),
+    ("phase-wrap", 0.8),
+    ("mirror", 0.8),
+];
 /// Score from which a failure is beyond doubt: clean captures reach 1.8 (rendered validation captures).
 const SURE: f32 = 2.0;
-/// Largest share of the photograph.
-const MOST_HEDGE: f32 = 0.5;
 
 /// The shot without depth that its photograph contradicts, on the photograph's grid; `None` where
 /// there is none.
@@ -66,15 +70,14 @@ pub(super) fn without_contradicted(shot: &Shot, development: &Development) -> Op
     Some(shot)
 }
 
-/// The share of the photograph that an answer is mixed with, [0, 0.5]: none where nothing is wrong, the
+/// The share of the photograph that an answer is mixed with, [0, 0.8]: none where nothing is wrong, the
 /// more the worse it is.
 pub(super) fn hedge(verdict: &Verdict) -> f32 {
-    let worst = verdict
-        .findings
-        .iter()
-        .filter(|finding| HEDGED.contains(&finding.mode));
-    let worst = worst.map(|finding| finding.score).fold(0.0, f32::max);
-    MOST_HEDGE * (1.0 - SURE / worst.max(SURE))
+    let shares = verdict.findings.iter().filter_map(|finding| {
+        let (_, most) = HEDGED.iter().find(|(mode, _)| *mode == finding.mode)?;
+        Some(most * (1.0 - SURE / finding.score.max(SURE)))
+    });
+    shares.fold(0.0, f32::max)
 }
 
 /// Mixes an answer with the photograph, made as bright as the answer.

@@ -33,7 +33,7 @@ pub struct Model {
     pub verdict: Option<Verdict>,
     /// Whether depth that the photograph contradicts was left out.
     pub depth_left_out: bool,
-    /// Share of the photograph that answers are mixed with, [0, 0.5].
+    /// Share of the photograph that answers are mixed with, [0, 0.8].
     pub hedge: f32,
     /// The photograph, where answers are mixed with it.
     photograph: Option<LinearImage>,

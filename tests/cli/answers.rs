@@ -54,7 +54,15 @@ fn a_recording_is_relit_into_exactly_the_promised_files() {
         .collect();
     assert_eq!(
         stages,
-        ["radiometry", "registration", "scene", "prepare", "relight"]
+        [
+            "radiometry",
+            "choose",
+            "registration",
+            "scene",
+            "prepare",
+            "load the network",
+            "relight"
+        ]
     );
     let confidence = answer["shot"]["report"]["confidence_mean"]
         .as_f64()

@@ -85,7 +85,10 @@ fn every_command_that_writes_says_which_file_did_not_fit_and_leaves_nothing() {
     for (arguments, file) in cases {
         let ran = cramped(folder.path(), arguments);
         ran.refuses(5, &[file, "too large", "space"]);
-        assert_eq!(names_in(folder.path()), before, "{arguments:?}");
+        let mut left = names_in(folder.path());
+        // What was measured is kept for the next try.
+        left.retain(|name| name != ".unfinished-report");
+        assert_eq!(left, before, "{arguments:?}");
     }
 }
 

@@ -7,6 +7,7 @@ mod corrupt;
 mod full_disk;
 mod json;
 mod lamps;
+mod spoiled;
 mod report;
 mod table;
 mod tiers;

@@ -37,7 +37,7 @@ fn tiers_that_make_no_sense_are_refused_by_name() {
         Case(&["--variant", "noisy"], &["--variant", "--tier paper"]),
         Case(&["--tier", "paper", "--threads", "0"], &["--threads"]),
         Case(&["--budget", "50"], &["--budget", "50ms"]),
-        Case(&["--budget", "-3ms"], &["--budget", "above 0"]),
+        Case(&["--budget=-3ms"], &["--budget", "above 0"]),
         Case(&["--budget", "fastms"], &["--budget", "no number"]),
         Case(
             &["--budget", "50ms", "--tier", "closed"],
