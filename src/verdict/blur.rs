@@ -37,13 +37,18 @@ pub(super) fn hand_shake(look: &Look<'_>, steps: &Steps) -> Finding {
     };
     let widest = widths.iter().copied().fold(1.0, f32::max);
     let [right, down] = look.development.flash_only.report.shift_pixels;
-    let apart = right.hypot(down) / (look.stride as f32 * pixel);
-    let score = ((widest - 1.0) / (HARMFUL_WIDTH * pixel)).max(apart / HARMFUL_APART);
-    Finding::new("hand-shake", score, None, || {
-        format!(
-            "even the sharpest edges of one direction are {:.0} pixels wide: the camera moved; hold it against something or expose shorter",
-            widest * look.stride as f32
-        )
+    let apart = right.hypot(down) / (look.photograph_pixels() * pixel);
+    let smeared = (widest - 1.0) / (HARMFUL_WIDTH * pixel);
+    let apart_score = apart / HARMFUL_APART;
+    Finding::new("hand-shake", smeared.max(apart_score), None, || {
+        let seen = if smeared > apart_score {
+            let wide = widest * look.photograph_pixels();
+            format!("even the sharpest edges of one direction are {wide:.0} pixels wide")
+        } else {
+            let lie = right.hypot(down);
+            format!("the photographs with and without flash lie {lie:.0} pixels apart")
+        };
+        format!("{seen}: the camera moved; hold it against something or expose shorter")
     })
 }
 
@@ -64,11 +69,15 @@ fn edge_width(look: &Look<'_>, (dx, dy): (isize, isize)) -> Option<f32> {
                         (y as isize + steps * dy) as usize,
                     )]
                 };
-                let slope = (at(1) - at(0)).abs();
                 let whole = (at(reach) - at(-reach)).abs();
+                // False for NaN.
+                if !(whole > CONTRAST) {
+                    return None;
+                }
+                let slope = (at(1) - at(0)).abs();
                 // A peak of the slope; false for NaN.
                 let peak = slope >= (at(2) - at(1)).abs() && slope > (at(0) - at(-1)).abs();
-                (peak && whole > CONTRAST).then(|| (whole / slope).max(1.0) * length)
+                peak.then(|| (whole / slope).max(1.0) * length)
             })
         })
         .collect();

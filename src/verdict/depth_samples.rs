@@ -8,7 +8,7 @@ use super::{
 use drivers::Plane;
 
 /// Samples looked at, about, at most.
-const SAMPLES: usize = 35_000;
+const SAMPLES: usize = 22_000;
 /// Noise of depth, as a share of it, from which surfaces come out wrong.
 const HARMFUL_NOISE: f32 = 0.005;
 /// Missing share of the lit picture from which too much is guessed.

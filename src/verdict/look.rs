@@ -89,6 +89,12 @@ impl<'a> Look<'a> {
         self.light.size()
     }
 
+    /// Pixels of the photograph for one of this grid, a side.
+    pub fn photograph_pixels(&self) -> f32 {
+        let full = self.development.flash_only.light.0.width();
+        full as f32 / self.light.width().max(1) as f32
+    }
+
     /// Length of a side of the square that holds as many pixels as the grid.
     pub fn side(&self) -> f32 {
         (self.light.len() as f32).sqrt()

@@ -156,7 +156,8 @@ fn point(look: &Look<'_>, x: usize, y: usize) -> Point {
     let scene = &look.development.scene;
     let at = (x * look.stride, y * look.stride);
     let z = scene.depth_metres[at];
-    let falloff = if z > 0.0 {
+    // Asked only where infrared does not tell.
+    let falloff = if z > 0.0 && look.amplitude.is_none() {
         scene
             .camera
             .ray(DVec2::new(at.0 as f64, at.1 as f64))

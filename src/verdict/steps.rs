@@ -15,7 +15,7 @@ const UNSEEN: f32 = 0.04;
 /// Step from which a surface of one color would look clearly darker behind.
 const TALL: f32 = 0.2;
 /// Steps looked at, at most.
-const MOST_STEPS: usize = 600;
+const MOST_STEPS: usize = 400;
 /// How far depth may lie beside the photograph, pixels at 256×256.
 const REACH: f32 = 10.0;
 /// Distance between photograph and depth that does harm, pixels at 256×256.
@@ -87,7 +87,7 @@ impl Steps {
         let pixel = self.side / 256.0;
         let shift = self.best_shift(&look.light, (REACH * pixel).round() as isize);
         let length = (shift[0] as f32).hypot(shift[1] as f32) / pixel;
-        let on_photograph = length * pixel * look.stride as f32;
+        let on_photograph = length * pixel * look.photograph_pixels();
         Finding::new("misalignment", length / HARMFUL_SHIFT, None, || {
             format!(
                 "depth lies {on_photograph:.0} pixels beside the photograph; calibrate the rig again and take both pictures at the same moment"
