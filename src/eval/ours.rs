@@ -114,7 +114,7 @@ impl Method for Ours {
             factor: plan.factor,
             expected_change: plan.change.is_finite().then_some(plan.change),
             depth_left_out: model.depth_left_out,
-            hedge: model.hedge,
+            hedge: model.hedge(),
             choosing_ms: 1e3 * choosing.as_secs_f64(),
             developing_ms: 1e3 * began.elapsed().as_secs_f64(),
         };

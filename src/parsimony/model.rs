@@ -1,7 +1,7 @@
 //! A shot modelled with chosen terms, ready for lamps.
 
 use super::{
-    fallback::{hedge, hedged, without_contradicted},
+    fallback::{Hedge, hedge, hedged, without_contradicted},
     glance::Glance,
     plan::Plan,
     terms::{Shadow, Terms},
@@ -33,10 +33,8 @@ pub struct Model {
     pub verdict: Option<Verdict>,
     /// Whether depth that the photograph contradicts was left out.
     pub depth_left_out: bool,
-    /// Share of the photograph that answers are mixed with, [0, 0.8].
-    pub hedge: f32,
-    /// The photograph, where answers are mixed with it.
-    photograph: Option<LinearImage>,
+    /// The photograph and how answers lean on it, where they do.
+    leaning: Option<(LinearImage, Hedge)>,
     /// What a network needs to correct its shadows.
     correction: Option<(Doubt, Feed)>,
 }
@@ -64,8 +62,7 @@ impl Model {
         Ok(Self {
             verdict: None,
             depth_left_out: false,
-            hedge: 0.0,
-            photograph: None,
+            leaning: None,
             development,
             terms: plan.terms,
             tolerance: glance.tolerance,
@@ -97,13 +94,17 @@ impl Model {
             model.depth_left_out = true;
             filled = without_contradicted(&without, &model.development);
         }
-        model.hedge = hedge(&verdict);
-        if model.hedge > 0.0 {
+        if let Some(hedge) = hedge(&verdict) {
             let flash_only = &model.development.flash_only;
-            model.photograph = Some(photograph(flash_only, &shot.flash)?);
+            model.leaning = Some((photograph(flash_only, &shot.flash)?, hedge));
         }
         model.verdict = Some(verdict);
         Ok(model)
+    }
+
+    /// Share of the photograph that answers are mixed with, [0, 0.8].
+    pub fn hedge(&self) -> f32 {
+        self.leaning.as_ref().map_or(0.0, |(_, hedge)| hedge.share)
     }
 
     /// The photograph under a lamp, at its own size. Without a `network` swept shadows stay as they are.
@@ -123,8 +124,8 @@ impl Model {
             _ => prepared.relight(lamp, RelightOptions::default()),
         };
         let mut relit = self.development.finish(relit);
-        if let Some(photograph) = &self.photograph {
-            hedged(&mut relit, photograph, self.hedge);
+        if let Some((photograph, hedge)) = &self.leaning {
+            hedged(&mut relit, photograph, *hedge);
         }
         Ok(relit)
     }
