@@ -14,7 +14,7 @@ use captured::{
     radiometry::{LinearImage, NoiseModel, linearise, subtract_linear_into},
     registration::{RegisteredDepth, RigMaps, Scratch, register_into},
     relight::{
-        Environment, Indirect, Lamp, Preparation, Prepared, RelightOptions, Shadows,
+        Environment, Indirect, Lamp, LightSet, Preparation, Prepared, RelightOptions, Shadows,
         visibility::{Answers, Occluders, sweep},
     },
 };
@@ -134,16 +134,17 @@ fn environments() {
     let scene = world::scene(512, 512);
     let prepared = Prepared::new(&scene, Preparation::default());
     let pixels = 512 * 512;
+    let environment = Environment::new(&world::sky()).expect("a sky");
+    let whole = LightSet::whole(&environment);
     line(
         "visibility map, 32 azimuths × 8 rings, 512²",
         pixels * 44,
         Some(40.0),
         || {
-            black_box(prepared.visibility_map());
+            black_box(prepared.visibility_map(&whole));
         },
     );
-    let map = prepared.visibility_map();
-    let environment = Environment::new(&world::sky()).expect("a sky");
+    let map = prepared.visibility_map(&whole);
     let options = RelightOptions {
         indirect: Indirect::None,
         ..Default::default()
@@ -154,10 +155,23 @@ fn environments() {
         pixels * 76,
         Some(60.0),
         || {
-            black_box(prepared.environment(&map, &environment, options));
+            black_box(prepared.environment(&map, &whole, options));
         },
     );
-    let fast = prepared.environment(&map, &environment, options).light;
+    let clean = |_, _| 0.0;
+    line("choice of its lights, 512²", pixels * 44, None, || {
+        black_box(prepared.light_set(&environment, &map, &clean));
+    });
+    let (set, found) = prepared.light_set(&environment, &map, &clean);
+    line(
+        &format!("environment as {} chosen lights, 512²", found.lights),
+        pixels * 76,
+        None,
+        || {
+            black_box(prepared.environment(&map, &set, options));
+        },
+    );
+    let fast = prepared.environment(&map, &whole, options).light;
     let mut sum = vec![[0.0f32; 3]; pixels];
     for lamp in environment.lamps() {
         let one = prepared.relight(lamp, options).light;

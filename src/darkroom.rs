@@ -4,6 +4,7 @@ mod answering;
 mod doubts;
 mod lights;
 mod modelled;
+mod surroundings;
 
 pub use answering::{Answering, Asked, Auto, LoadNetwork, ready};
 
@@ -25,6 +26,7 @@ use doubts::{doubts, fraction, mean_confidence};
 use drivers::{ColorFrame, Plane};
 use modelled::Evidence;
 use std::{path::Path, time::Instant};
+use surroundings::Surroundings;
 use thiserror::Error;
 
 /// Fraction of usable pixels within the noise from which there is no flash in the picture.
@@ -120,9 +122,13 @@ pub fn print(
     if let Some(verdict) = &verdict {
         model.development.scene.confidence = verdict.confidence.clone();
     }
+    let surroundings = order.environment.map(|(name, environment)| {
+        observe(&format!("choosing lights for {name}"));
+        Surroundings::new(environment, &model.development, clock)
+    });
     // Asked for by no later stage; 48 MB of a photograph of 12 megapixels.
     model.development.flash_only.variance = Plane::default();
-    let relit = lights::lit(order, &mut model, clock, observe)?;
+    let relit = lights::lit(order, surroundings.as_ref(), &mut model, clock, observe)?;
     let development = &model.development;
     let timings_ms = clock.end();
     observe("writing");
@@ -156,6 +162,13 @@ pub fn print(
         .chain([("without flash", order.shot.ambient.first())])
         .filter_map(|(label, frame)| photograph(label, frame?))
         .collect();
+    let mut report = report(
+        order,
+        development,
+        (evidence.as_ref(), verdict.as_ref()),
+        &relit,
+    );
+    report["environment"] = serde_json::json!(surroundings.map(|all| all.found));
     let results = Results {
         source: order.source.name,
         photographs: &photographs,
@@ -163,12 +176,7 @@ pub fn print(
         scene: &development.scene,
         relit: &views,
         timings_ms: &timings_ms,
-        report: report(
-            order,
-            development,
-            (evidence.as_ref(), verdict.as_ref()),
-            &relit,
-        ),
+        report,
         warnings: &warnings,
         attachments: order.attachments,
     };

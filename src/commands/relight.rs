@@ -86,6 +86,9 @@ impl Relight {
             "all at one look",
             self.out.join("overview.png").display()
         ));
+        if let Some(line) = environment_line(&manifest.report) {
+            lines.push(line);
+        }
         let total: f64 = manifest.timings_ms.iter().map(|(_, ms)| ms).sum();
         lines.push(format!(
             "  {total:.0} ms; times, confidences and hashes in {MANIFEST}"
@@ -93,4 +96,20 @@ impl Relight {
         let json = serde_json::json!({ "out": self.out, "shot": manifest });
         Ok(Answer::new(lines.join("\n"), &json).with_warnings(manifest.warnings))
     }
+}
+
+/// How many lights stand for the environment, and how near they come to all of it.
+fn environment_line(report: &serde_json::Value) -> Option<String> {
+    let found = &report["environment"];
+    let (lights, of) = (found["lights"].as_u64()?, found["of"].as_u64()?);
+    let (change, noise) = (found["rms_change"].as_f64()?, found["noise"].as_f64()?);
+    Some(if lights == of {
+        format!("  environment: all {of} lights")
+    } else {
+        format!(
+            "  environment: {lights} of {of} lights, which changes the picture by {:.2} of 255 steps; its noise is {:.2}",
+            255.0 * change,
+            255.0 * noise
+        )
+    })
 }

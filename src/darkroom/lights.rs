@@ -1,36 +1,38 @@
 //! The developed shot under its lights: by its model, or by the paper's networks.
 
-use super::{Answering, Clock, DarkroomError, LoadNetwork, Order};
+use super::{Answering, Clock, DarkroomError, LoadNetwork, Order, surroundings::Surroundings};
 use crate::{
     develop::Development,
     parsimony::{Model, Shadow},
     relight::{
-        RelightOptions, Relit,
+        Relit,
         enlarge::Mix,
         networks::{Decomposed, NetworkError, Paper, resampled},
     },
 };
 use drivers::Plane;
 
-/// One answer per lamp, in their order, and one for the environment, at the photograph's size.
+/// One answer per lamp, in their order, and one for the environment, which `around` stands for, at the photograph's size.
 pub(super) fn lit(
     order: &Order<'_>,
+    around: Option<&Surroundings>,
     model: &mut Model,
     clock: &mut Clock,
     observe: &mut dyn FnMut(&str),
 ) -> Result<Vec<Relit>, DarkroomError> {
     match order.answering {
-        Answering::Closed => by_model(None, order, model, clock, observe),
+        Answering::Closed => by_model(None, order, around, model, clock, observe),
         Answering::Auto(auto) => {
             let load = auto
                 .network
                 .as_ref()
                 .filter(|_| model.terms.shadow == Shadow::Network && !order.lamps.is_empty());
-            by_model(load, order, model, clock, observe)
+            by_model(load, order, around, model, clock, observe)
         }
         Answering::Paper(paper) => Ok(by_networks(
             paper,
             order,
+            around,
             &mut model.development,
             clock,
             observe,
@@ -41,6 +43,7 @@ pub(super) fn lit(
 fn by_model(
     load: Option<&LoadNetwork>,
     order: &Order<'_>,
+    around: Option<&Surroundings>,
     model: &Model,
     clock: &mut Clock,
     observe: &mut dyn FnMut(&str),
@@ -58,13 +61,10 @@ fn by_model(
         observe(&format!("light {} of {}", index + 1, order.lamps.len()));
         relit.push(model.relight(lamp, network.as_deref())?);
     }
-    if let Some((name, environment)) = order.environment {
+    if let Some(((name, _), around)) = order.environment.zip(around) {
         observe(name);
         clock.begin("environment");
-        let prepared = &model.development.prepared;
-        let map = prepared.visibility_map();
-        let answer = prepared.environment(&map, environment, RelightOptions::default());
-        relit.push(model.development.finish(answer));
+        relit.push(around.relight(&model.development));
     }
     Ok(relit)
 }
@@ -73,6 +73,7 @@ fn by_model(
 fn by_networks(
     paper: &Paper,
     order: &Order<'_>,
+    around: Option<&Surroundings>,
     development: &mut Development,
     clock: &mut Clock,
     observe: &mut dyn FnMut(&str),
@@ -89,13 +90,13 @@ fn by_networks(
         let answer = paper.relight(&feed, &scene, lamp)?;
         relit.push(development.finish_fed(&feed, answer));
     }
-    if let Some((name, environment)) = order.environment {
+    if let Some(((name, _), around)) = order.environment.zip(around) {
         clock.begin("environment");
-        let count = environment.lamps().count();
+        let count = around.set.count();
         let begins = &mut |number: usize| {
             observe(&format!("{name}: light {} of {count}", number + 1));
         };
-        let answer = paper.superposed(&feed, &scene, environment.lamps(), begins)?;
+        let answer = paper.superposed(&feed, &scene, around.set.lamps(), begins)?;
         relit.push(development.finish_fed(&feed, answer));
     }
     Ok(relit)

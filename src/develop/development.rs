@@ -4,11 +4,12 @@ use crate::{
     radiometry::{FlashOnly, LinearImage},
     registration::RegisteredDepth,
     relight::{
-        Prepared, Relit,
+        Environment, Found, LightSet, Prepared, Relit,
         enlarge::enlarge_relit,
         networks::{Feed, Photograph, Variant},
+        visibility::VisibilityMap,
     },
-    scene::Scene,
+    scene::{Scene, variance_left},
     shot::Shot,
 };
 use glam::DVec2;
@@ -35,6 +36,27 @@ impl Development {
             None => relit,
             Some(small) => enlarge_relit(&relit, small, &self.flash_only.light),
         }
+    }
+
+    /// The fewest lights under which the picture is that of the whole environment within its noise:
+    /// what of the flash photograph's own noise is left in the albedo, or in the photograph where the
+    /// picture is enlarged to it again. `map` as in [`Prepared::light_set`].
+    pub fn light_set(&self, environment: &Environment, map: &VisibilityMap) -> (LightSet, Found) {
+        let flash = &self.flash_only;
+        let (width, height) = self.prepared.size();
+        let full = flash.light.0.size();
+        let relative_noise = |x: usize, y: usize| {
+            let at = (x * full.0 / width, y * full.1 / height);
+            let level = flash.light.0[at].iter().sum::<f32>() / 3.0;
+            let variance = if full == (width, height) {
+                variance_left(flash, at)
+            } else {
+                flash.variance[at]
+            };
+            // Of light that is all noise, all of it is noise.
+            (variance.sqrt() / level.max(0.0)).min(1.0)
+        };
+        self.prepared.light_set(environment, map, &relative_noise)
     }
 
     /// What the paper's networks are fed: clean ones the smoothed depth; noisy ones the depth as it

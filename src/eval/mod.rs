@@ -13,6 +13,7 @@ mod grid;
 pub mod learned;
 mod ledger;
 mod light_error;
+pub mod light_sets;
 mod made;
 pub mod methods;
 mod mse_table;

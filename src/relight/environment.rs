@@ -1,7 +1,7 @@
-//! Light from everywhere: an environment map as 256 shadowed lights.
+//! Light from everywhere: an environment map as at most 256 shadowed lights.
 
 use super::{
-    Indirect, Lamp, Prepared, RelightOptions, Relit, Shadows,
+    Indirect, Lamp, LightSet, Prepared, RelightOptions, Relit, Shadows,
     shading::{Facet, LANES, SurfaceRow, block, store},
     visibility::{
         VisibilityMap,
@@ -101,8 +101,14 @@ impl Environment {
         self.lamps.iter().flatten()
     }
 
-    /// Cells whose light is swept by itself.
-    fn strong(&self) -> Vec<usize> {
+    /// The lamp of every cell that has light in it.
+    pub(super) fn cells(&self) -> impl Iterator<Item = (usize, Lamp)> {
+        let cells = self.lamps.iter().enumerate();
+        cells.filter_map(|(cell, lamp)| Some((cell, (*lamp)?)))
+    }
+
+    /// Cells whose light is swept by itself, the brightest first.
+    pub(super) fn strong(&self) -> Vec<usize> {
         let power = |lamp: &Option<Lamp>| lamp.map_or(0.0, |lamp| lamp.color.iter().sum::<f32>());
         let total: f32 = self.lamps.iter().map(power).sum();
         let mut strong: Vec<usize> = (0..DIRECTIONS)
@@ -167,10 +173,10 @@ struct CellLamp {
 }
 
 impl Prepared {
-    /// Which directions every pixel sees; once per scene.
-    pub fn visibility_map(&self) -> VisibilityMap {
+    /// Which of the directions of a set's lights every pixel sees.
+    pub fn visibility_map(&self, set: &LightSet) -> VisibilityMap {
         match &self.occluders {
-            Some(occluders) => VisibilityMap::new(occluders),
+            Some(occluders) => VisibilityMap::new(occluders, &set.cells()),
             None => VisibilityMap::clear(self.size()),
         }
     }
@@ -178,25 +184,25 @@ impl Prepared {
     /// The scene under an environment. `shadow` of the answer is the share of the light that
     /// arrives.
     ///
+    /// `map` is [`Self::visibility_map`] of the same set or of the whole environment it stands for: of
+    /// any other, shadows are missing.
+    ///
     /// # Panics
     /// When `map` is of another scene's size: a bug of the caller.
     pub fn environment(
         &self,
         map: &VisibilityMap,
-        environment: &Environment,
+        set: &LightSet,
         options: RelightOptions,
     ) -> Relit {
-        let strong = environment.strong();
         let mut rings: [Vec<CellLamp>; RINGS] = Default::default();
-        for (cell, lamp) in environment.lamps.iter().enumerate() {
-            if let (Some(lamp), false) = (lamp, strong.contains(&cell)) {
-                rings[cell / AZIMUTHS].push(CellLamp {
-                    azimuth: (cell % AZIMUTHS) as u32,
-                    toward: lamp.toward().to_array(),
-                    color: lamp.color,
-                    level: lamp.color.iter().sum::<f32>() / 3.0,
-                });
-            }
+        for (cell, lamp) in &set.weak {
+            rings[cell / AZIMUTHS].push(CellLamp {
+                azimuth: (cell % AZIMUTHS) as u32,
+                toward: lamp.toward().to_array(),
+                color: lamp.color,
+                level: lamp.color.iter().sum::<f32>() / 3.0,
+            });
         }
         let (width, height) = self.size();
         let mut light = Plane::filled(width, height, [0.0f32; 3]);
@@ -225,14 +231,13 @@ impl Prepared {
                 },
             );
         let mut unseen_path_fraction = 0.0;
-        for cell in strong {
-            let lamp = environment.lamps[cell].expect("strong cells hold a lamp");
+        for lamp in &set.strong {
             let options = RelightOptions {
                 indirect: Indirect::None,
                 ..options
             };
-            let one = self.relight(&lamp, options);
-            let full = self.cosines(&lamp);
+            let one = self.relight(lamp, options);
+            let full = self.cosines(lamp);
             let weight = lamp.color.iter().sum::<f32>() / 3.0;
             unseen_path_fraction = one.unseen_path_fraction.max(unseen_path_fraction);
             for (sum, value) in light.samples_mut().iter_mut().zip(one.light.0.samples()) {
@@ -267,7 +272,7 @@ impl Prepared {
     }
 
     /// Map pixels for row `y` of the photograph's grid.
-    fn map_places(&self, map: &VisibilityMap, y: usize, places: &mut [u32]) {
+    pub(super) fn map_places(&self, map: &VisibilityMap, y: usize, places: &mut [u32]) {
         match &self.straightened {
             None => places.copy_from_slice(map.nearest().row(y)),
             Some(lookup) => {

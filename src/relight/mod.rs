@@ -6,6 +6,7 @@
 pub mod enlarge;
 pub mod environment;
 pub mod lamp;
+pub mod light_set;
 pub mod networks;
 mod obscurance;
 mod pinhole;
@@ -16,4 +17,5 @@ pub mod visibility;
 
 pub use environment::{Environment, EnvironmentError};
 pub use lamp::{Lamp, LampError};
+pub use light_set::{Found, LightSet};
 pub use prepared::{Blocked, Indirect, Preparation, Prepared, RelightOptions, Relit, Shadows};

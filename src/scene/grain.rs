@@ -1,5 +1,6 @@
 //! Takes the sensor's grain out of the light, as far as grain explains what neighbours differ by.
 
+use crate::radiometry::FlashOnly;
 use drivers::Plane;
 use rayon::prelude::*;
 
@@ -17,7 +18,47 @@ struct Sums {
     noise: f32,
 }
 
+/// What of a pixel its window explains.
+struct Share {
+    mean: [f32; 3],
+    /// Share by which the pixel is drawn to the mean, in [0, 1]; 0 where nothing is known.
+    grain: f32,
+    /// Share of the variance that is left.
+    left: f32,
+}
+
 impl Sums {
+    /// Of one pixel; nothing of an unknown one.
+    fn of(light: [f32; 3], variance: f32) -> Self {
+        let square = light.iter().map(|v| v * v).sum::<f32>();
+        // False for NaN.
+        if square + variance < f32::INFINITY {
+            Self {
+                count: 1.0,
+                light,
+                square,
+                noise: 3.0 * variance,
+            }
+        } else {
+            Self::default()
+        }
+    }
+
+    /// Of a whole window.
+    fn share(&self) -> Share {
+        let per = 1.0 / self.count.max(1.0);
+        let mean = self.light.map(|sum| sum * per);
+        let spread = self.square * per - mean.iter().map(|m| m * m).sum::<f32>();
+        let noise = self.noise * per;
+        // NaN, where nothing is known, keeps everything.
+        let grain = (noise / spread.max(noise)).max(0.0);
+        Share {
+            mean,
+            grain,
+            left: 1.0 - grain * (1.0 - per),
+        }
+    }
+
     fn add(&mut self, other: Self) {
         self.count += other.count;
         for (sum, light) in self.light.iter_mut().zip(other.light) {
@@ -51,16 +92,7 @@ pub(super) fn shrunk(
             for row in y.saturating_sub(REACH)..(y + REACH + 1).min(height) {
                 let pixels = light.row(row).iter().zip(variance.row(row));
                 for (column, (&light, &variance)) in columns.iter_mut().zip(pixels) {
-                    let square = light.iter().map(|v| v * v).sum::<f32>();
-                    // False for NaN.
-                    if square + variance < f32::INFINITY {
-                        column.add(Sums {
-                            count: 1.0,
-                            light,
-                            square,
-                            noise: 3.0 * variance,
-                        });
-                    }
+                    column.add(Sums::of(light, variance));
                 }
             }
             for x in 0..width {
@@ -68,22 +100,38 @@ pub(super) fn shrunk(
                 for column in &columns[x.saturating_sub(REACH)..(x + REACH + 1).min(width)] {
                     window.add(*column);
                 }
-                let per = 1.0 / window.count.max(1.0);
-                let mean = window.light.map(|sum| sum * per);
-                let spread = window.square * per - mean.iter().map(|m| m * m).sum::<f32>();
-                let noise = window.noise * per;
-                // NaN, where nothing is known, keeps everything.
-                let grain = (noise / spread.max(noise)).max(0.0);
+                let Share {
+                    mean,
+                    grain,
+                    left: share,
+                } = window.share();
                 if grain > 0.0 {
                     for (clean, mean) in clean[x].iter_mut().zip(mean) {
                         *clean += grain * (mean - *clean);
                     }
-                    left[x] *= 1.0 - grain * (1.0 - per);
+                    left[x] *= share;
                 }
             }
         },
     );
     (clean, left)
+}
+
+/// Variance (of one channel) that [`super::estimate`] leaves in the light of pixel (x, y) as it
+/// becomes albedo; NaN where it is unknown.
+///
+/// # Panics
+/// When the planes differ in size or the pixel lies outside: a bug of the caller.
+pub fn variance_left(flash: &FlashOnly, (x, y): (usize, usize)) -> f32 {
+    let (width, height) = flash.light.0.size();
+    let mut window = Sums::default();
+    for row in y.saturating_sub(REACH)..(y + REACH + 1).min(height) {
+        for column in x.saturating_sub(REACH)..(x + REACH + 1).min(width) {
+            let at = (column, row);
+            window.add(Sums::of(flash.light.0[at], flash.variance[at]));
+        }
+    }
+    flash.variance[(x, y)] * window.share().left
 }
 
 #[cfg(test)]

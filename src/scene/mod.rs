@@ -28,6 +28,7 @@ mod variation;
 mod windows;
 
 pub use estimate::estimate;
+pub use grain::variance_left;
 pub use karis::{F0, ROUGHNESS_FLOOR, karis, karis_at_lens};
 pub use options::{Material, SceneError, SceneOptions, Shape};
 pub use shine::Shine;

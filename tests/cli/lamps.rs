@@ -142,7 +142,22 @@ fn an_environment_of_one_value_lights_an_open_wall_as_its_own_albedo() {
         "relit",
     ];
     let ran = capturectl(folder.path(), &arguments);
-    assert_eq!(ran.succeeds().json()["shot"]["lights"][0]["label"], "white");
+    let shot = ran.succeeds().json()["shot"].clone();
+    assert_eq!(shot["lights"][0]["label"], "white");
+    let found = &shot["report"]["environment"];
+    let (lights, of) = (found["lights"].as_u64(), found["of"].as_u64());
+    assert!(
+        lights > Some(0) && lights <= of && of <= Some(256),
+        "{found}"
+    );
+    assert!(
+        found["rms_change"].as_f64() <= found["noise"].as_f64(),
+        "{found}"
+    );
+    assert!(
+        found["capped"].is_boolean() && found["change_95"].is_number(),
+        "{found}"
+    );
     let relit = image::open(folder.path().join("relit/relit_000.png"))
         .unwrap()
         .to_rgb8();

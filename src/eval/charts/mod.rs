@@ -5,6 +5,7 @@ mod angle_curves;
 mod canvas;
 mod color_scales;
 mod hemisphere;
+mod light_sets;
 mod parsimony_map;
 mod polar_maps;
 mod region_bars;
@@ -15,6 +16,7 @@ mod stability_curves;
 use super::report::Report;
 use super::savings::Savings;
 pub use canvas::ChartError;
+pub use light_sets::light_sets;
 
 /// Stems of the charts that a report may have, but for one `hemisphere_ROW` per row that relit
 /// something.

@@ -1,4 +1,4 @@
-//! Once per shot: which of 256 directions every pixel sees.
+//! Which of 256 directions every pixel sees; once per shot and set of lights.
 //!
 //! The directions stand in 32 azimuths and 8 rings of equal area around the camera's axis, from
 //! the lens's own direction to 20° behind the scene's side. One bit says whether the way is
@@ -49,6 +49,46 @@ pub fn cell(toward: Vec3) -> Option<usize> {
     Some(ring * AZIMUTHS + ((turn * AZIMUTHS as f32) as usize).min(AZIMUTHS - 1))
 }
 
+/// Some of the directions.
+pub type Cells = [bool; DIRECTIONS];
+
+/// The whole factor that reduces a grid to at most so many pixels.
+fn factor((width, height): (usize, usize), pixels: usize) -> usize {
+    let mut factor = 1;
+    while width.div_ceil(factor) * height.div_ceil(factor) > pixels {
+        factor += 1;
+    }
+    factor
+}
+
+/// Per ring one word per pixel of `occluders`, bit = azimuth; set = clear. Directions outside
+/// `cells` are not swept and clear.
+fn clear(occluders: &Occluders, cells: &Cells) -> Vec<Vec<u32>> {
+    let (width, height) = occluders.size();
+    (0..RINGS)
+        .into_par_iter()
+        .map(|ring| {
+            let cells = &cells[ring * AZIMUTHS..(ring + 1) * AZIMUTHS];
+            let unasked = (0..AZIMUTHS).fold(0u32, |word, azimuth| {
+                word | u32::from(!cells[azimuth]) << azimuth
+            });
+            let mut words = vec![unasked; width * height];
+            let mut row = vec![0u8; width];
+            for azimuth in (0..AZIMUTHS).filter(|&azimuth| cells[azimuth]) {
+                let swept = sweep(occluders, direction(ring * AZIMUTHS + azimuth));
+                let answers = Answers::new(&swept, width);
+                for (y, words) in words.chunks_mut(width.max(1)).enumerate() {
+                    answers.part(y, 0, &mut row);
+                    for (word, answer) in words.iter_mut().zip(&row) {
+                        *word |= u32::from(answer & LIT > LIT / 2) << azimuth;
+                    }
+                }
+            }
+            words
+        })
+        .collect()
+}
+
 /// Which directions every pixel sees.
 #[derive(Debug, Clone)]
 pub struct VisibilityMap {
@@ -59,35 +99,12 @@ pub struct VisibilityMap {
 }
 
 impl VisibilityMap {
-    /// Sweeps all directions.
-    pub fn new(occluders: &Occluders) -> Self {
-        let (width, height) = occluders.size();
-        let mut factor = 1;
-        while width.div_ceil(factor) * height.div_ceil(factor) > MAP_PIXELS {
-            factor += 1;
-        }
+    /// Sweeps the directions of `cells`; every other counts as clear everywhere.
+    pub fn new(occluders: &Occluders, cells: &Cells) -> Self {
+        let factor = factor(occluders.size(), MAP_PIXELS);
         let small = occluders.reduced(factor);
-        let (small_width, small_height) = small.size();
-        let rings = (0..RINGS)
-            .into_par_iter()
-            .map(|ring| {
-                let mut words = vec![0u32; small_width * small_height];
-                let mut row = vec![0u8; small_width];
-                for azimuth in 0..AZIMUTHS {
-                    let swept = sweep(&small, direction(ring * AZIMUTHS + azimuth));
-                    let answers = Answers::new(&swept, small_width);
-                    for (y, words) in words.chunks_mut(small_width.max(1)).enumerate() {
-                        answers.part(y, 0, &mut row);
-                        for (word, answer) in words.iter_mut().zip(&row) {
-                            *word |= u32::from(answer & LIT > LIT / 2) << azimuth;
-                        }
-                    }
-                }
-                words
-            })
-            .collect();
         Self {
-            rings,
+            rings: clear(&small, cells),
             nearest: nearest(occluders, &small, factor),
         }
     }
