@@ -70,8 +70,7 @@ fn edge_width(look: &Look<'_>, (dx, dy): (isize, isize)) -> Option<f32> {
                     )]
                 };
                 let whole = (at(reach) - at(-reach)).abs();
-                // False for NaN.
-                if !(whole > CONTRAST) {
+                if whole.is_nan() || whole <= CONTRAST {
                     return None;
                 }
                 let slope = (at(1) - at(0)).abs();
