@@ -30,7 +30,7 @@ pub(super) const CHARTS: [&str; 7] = [
     "polar_maps",
 ];
 
-/// Draws every chart of a report, each as PNG and as SVG: [`CHARTS`] (`stability` where captures
+/// Draws every chart of a report, each as PNG and as SVG: `CHARTS` (`stability` where captures
 /// were made worse), and one `hemisphere_ROW` per row that relit something. File names and contents.
 ///
 /// # Errors
