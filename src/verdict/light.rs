@@ -1,4 +1,4 @@
-//! What the pixels say about the light: room, clipping, noise.
+//! What the pixels say about the light: clipping and noise.
 
 use super::{
     Finding,
@@ -7,8 +7,6 @@ use super::{
 };
 use rayon::prelude::*;
 
-/// Room light over the flash's from which its noise is all there is.
-const HARMFUL_AMBIENT: f32 = 4.0;
 /// Share of clipped pixels that does harm.
 const HARMFUL_CLIPPED: f32 = 0.04;
 /// Noise over signal of a typical pixel.
@@ -40,24 +38,6 @@ fn noise(look: &Look<'_>) -> (f32, f32) {
         .count();
     let useless = useless as f32 / ratios.len().max(1) as f32;
     (quantile(ratios, 0.5).unwrap_or(0.0), useless)
-}
-
-/// The room outshines the flash.
-pub(super) fn bright_ambient(look: &Look<'_>) -> Finding {
-    let report = &look.development.flash_only.report;
-    let times = report.ambient_to_flash;
-    let unusable = report.weak_fraction;
-    Finding::new(
-        "bright-ambient",
-        times / HARMFUL_AMBIENT,
-        Some(unusable),
-        || {
-            format!(
-                "ambient light {times:.0}× the flash: {} of pixels unusable; move closer or darken the room",
-                percent(unusable)
-            )
-        },
-    )
 }
 
 /// Pixels at the end of the sensor's range.

@@ -63,7 +63,7 @@ pub fn judge(shot: &Shot, development: &Development) -> Verdict {
         steps.phase_wrap(&look),
         steps.misalignment(&look),
         depth_samples::resolution(&look),
-        light::bright_ambient(&look),
+        pair.bright_ambient(&look),
         light::flash_saturation(&look),
         pair.motion(),
         blur::hand_shake(&look, &steps),

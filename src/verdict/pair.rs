@@ -20,10 +20,14 @@ const FOUND: f32 = 0.8;
 const GAINED: f32 = 0.1;
 /// Blocks around a moved one, of eight, that move along at least.
 const COMPANY: usize = 1;
+/// Room light over the flash's from which its noise is all there is.
+const HARMFUL_AMBIENT: f32 = 4.0;
 /// Share of the blocks that have moved.
 const HARMFUL_MOVED: f32 = 0.03;
 /// Swing of the room's light from row to row, as a share of it, times its share of the flash's.
 const HARMFUL_SWING: f32 = 0.04;
+/// The room over the flash where the flash added nothing.
+const BEYOND: f32 = 1e3;
 /// Pulses during one picture that are looked for.
 const PULSES: std::ops::RangeInclusive<usize> = 3..=12;
 
@@ -31,6 +35,7 @@ const PULSES: std::ops::RangeInclusive<usize> = 3..=12;
 pub(super) struct Pair {
     moved: f32,
     swing: f32,
+    /// Median of the room's light over the flash's, where there is something to light.
     room_to_flash: f32,
 }
 
@@ -40,7 +45,7 @@ impl Pair {
         let mut pair = Self {
             moved: report.moved_fraction,
             swing: 0.0,
-            room_to_flash: report.ambient_to_flash,
+            room_to_flash: 0.0,
         };
         let Some(room) = look.shot.ambient.first() else {
             return pair;
@@ -53,9 +58,27 @@ impl Pair {
         let size = (width / stride, height / stride);
         let halved = |light: &Plane<[f32; 3]>| halved(light, stride, size);
         let (flash, room) = rayon::join(|| halved(&flash.0), || halved(&room.0));
+        pair.room_to_flash = room_to_flash(look, &flash, &room);
         pair.swing = swing(&flash, &room);
         pair.moved = pair.moved.max(moved(&flash, &room));
         pair
+    }
+
+    /// The room outshines the flash.
+    pub fn bright_ambient(&self, look: &Look<'_>) -> Finding {
+        let times = self.room_to_flash;
+        let unusable = look.development.flash_only.report.weak_fraction;
+        Finding::new(
+            "bright-ambient",
+            times / HARMFUL_AMBIENT,
+            Some(unusable),
+            || {
+                format!(
+                    "ambient light {times:.0}× the flash: {} of pixels unusable; move closer or darken the room",
+                    percent(unusable)
+                )
+            },
+        )
     }
 
     pub fn motion(&self) -> Finding {
@@ -108,6 +131,23 @@ fn halved(light: &Plane<[f32; 3]>, stride: usize, (width, height): (usize, usize
         .map(|v| if v.is_finite() { *v } else { f32::NAN })
         .collect();
     Plane::new(width, height, samples).unwrap_or_default()
+}
+
+/// Median of the room's light over the flash's, of what the flash lights.
+fn room_to_flash(look: &Look<'_>, flash: &Plane<f32>, room: &Plane<f32>) -> f32 {
+    let ((width, height), (columns, rows)) = (flash.size(), look.size());
+    let ratios = (0..flash.len())
+        .filter(|index| {
+            let (x, y) = (index % width, index / width);
+            let at = (x * columns / width, y * rows / height);
+            look.light[at].is_finite() && look.metres[at].is_finite()
+        })
+        .map(|index| {
+            let room = room.samples()[index].exp();
+            let flash = flash.samples()[index].exp() - room;
+            if flash > 0.0 { room / flash } else { BEYOND }
+        });
+    quantile(ratios.collect(), 0.5).unwrap_or(0.0)
 }
 
 /// Amplitude of the strongest pulse over the rows that the room's light has and the flash's frame

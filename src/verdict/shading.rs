@@ -20,6 +20,8 @@ const ONE_SURFACE: f32 = 0.06;
 const ONE_COLOR: f32 = 0.5;
 /// So does its red over its blue.
 const ONE_TINT: f32 = 0.02;
+/// Share of infrared's change that may differ from the shading that depth predicts.
+const EXPLAINED: f32 = 0.4;
 /// Shading that tells, in natural logarithms.
 const TELLING: f32 = 0.03;
 /// Departure of the light's logarithm from infrared's, as a factor, that does harm.
@@ -156,8 +158,7 @@ fn point(look: &Look<'_>, x: usize, y: usize) -> Point {
     let scene = &look.development.scene;
     let at = (x * look.stride, y * look.stride);
     let z = scene.depth_metres[at];
-    // Asked only where infrared does not tell.
-    let falloff = if z > 0.0 && look.amplitude.is_none() {
+    let falloff = if z > 0.0 {
         scene
             .camera
             .ray(DVec2::new(at.0 as f64, at.1 as f64))
@@ -201,12 +202,13 @@ fn row(points: &Plane<Point>, y: usize, apart: usize) -> (Ratios, Ratios) {
                 continue;
             }
             let tells = |told: f32| told.abs() > TELLING && told.abs() < ONE_COLOR;
-            let told = there.falloff - here.falloff;
-            if tells(told) {
-                geometry.add(told, light);
+            let shaded = there.falloff - here.falloff;
+            if tells(shaded) {
+                geometry.add(shaded, light);
             }
             let told = there.amplitude - here.amplitude;
-            if tells(told) {
+            // What depth does not explain is a pattern, whose infrared is its own.
+            if tells(told) && (told - shaded).abs() < EXPLAINED * told.abs() {
                 infrared.add(told, light);
             }
         }
