@@ -50,8 +50,11 @@ const COARSE_REACH: isize = 4;
 /// How much better a coarse shift must correlate than none, coarsely and in the end: textures that
 /// repeat lie well on themselves in more than one place.
 const COARSE_GAIN: f64 = 0.05;
-/// Fits at the finest level, each starting where the last ended.
+/// Fits at the finest level, each starting where the last ended …
 const FINEST_ROUNDS: usize = 2;
+/// … unless that is no further from where it started than this, pixels: patches would be found where
+/// they were.
+const SETTLED: f32 = 0.25;
 
 /// Finds the motion between two frames of one size.
 ///
@@ -73,12 +76,16 @@ pub fn align(flash: &LinearImage, ambient: &LinearImage) -> Alignment {
         return still(AlignmentOutcome::TooLittleTexture, 0, 0.0);
     };
     let (coarse_width, coarse_height) = coarse_first.values.size();
-    let near = refined(&first, &second, Warp::identity(coarse_width, coarse_height));
+    // The finest level has rounds of its own.
+    let next = usize::from(first.len() > 1);
+    let (coarser_first, coarser_second) = (&first[next..], &second[next..]);
+    let refined = |start| refined(coarser_first, coarser_second, start);
+    let near = refined(Warp::identity(coarse_width, coarse_height));
     let mut warp = near;
     let start = whole_shift(coarse_first, coarse_second);
     if !start.is_identity() {
-        let far = refined(&first, &second, start);
-        let score = |warp: &Warp| agreement(&first[0], &second[0], warp);
+        let far = refined(start);
+        let score = |warp: &Warp| agreement(&coarser_first[0], &coarser_second[0], warp);
         if score(&far) > score(&near) + COARSE_GAIN {
             warp = far;
         }
@@ -87,15 +94,19 @@ pub fn align(flash: &LinearImage, ambient: &LinearImage) -> Alignment {
         return still(AlignmentOutcome::TooLittleTexture, 0, 0.0);
     };
     let (fine_width, fine_height) = first.values.size();
+    warp = warp.on_grid(fine_width, fine_height);
     let mut motion = Motion::Still;
     let mut found = Vec::new();
     for _ in 0..FINEST_ROUNDS {
-        warp = better_start(first, second, warp);
-        found = matches(first, second, &warp);
+        let start = better_start(first, second, warp);
+        found = matches(first, second, &start);
         if found.len() < flow::MATCHES_AT_LEAST {
             return still(AlignmentOutcome::TooLittleTexture, found.len(), 0.0);
         }
         (motion, warp) = flow::choose(&found, fine_width, fine_height);
+        if warp.furthest_from(&start) < SETTLED {
+            break;
+        }
     }
     let scale = width as f32 / fine_width as f32;
     let residual_pixels = flow::residual(&found, &warp) * scale;

@@ -3,6 +3,7 @@
 
 use super::patch::Match;
 use super::warp::Warp;
+use rayon::prelude::*;
 
 /// Motions, each containing those above it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -43,6 +44,8 @@ const LOST: f64 = 0.75;
 const STANDARD_ERRORS: f64 = 2.0;
 /// … and by this much, squared pixels: less is not worth resampling noise for.
 const WORTH: f64 = 0.05 * 0.05;
+/// Parameters of a [`Warp`].
+const PARAMETERS: usize = 8;
 /// Parts the patches are dealt into for cross-validation.
 const FOLDS: usize = 4;
 
@@ -81,32 +84,25 @@ pub(super) fn choose(matches: &[Match], width: usize, height: usize) -> (Motion,
 
 /// Median distance between patches and a motion, pixels.
 pub(super) fn residual(matches: &[Match], warp: &Warp) -> f32 {
-    let mut distances: Vec<f64> = matches.iter().map(|found| distance(found, warp)).collect();
-    distances.sort_unstable_by(f64::total_cmp);
-    distances
-        .get(distances.len() / 2)
-        .map_or(0.0, |&middle| middle as f32)
+    median(matches.iter().map(|found| distance(found, warp)).collect()) as f32
 }
 
 fn held_out_losses(matches: &[Match], motion: Motion, width: usize, height: usize) -> Vec<f64> {
-    let mut losses = vec![0.0; matches.len()];
-    for fold in 0..FOLDS {
-        let kept: Vec<Match> = matches
-            .iter()
-            .enumerate()
-            .filter(|(i, _)| i % FOLDS != fold)
-            .map(|(_, m)| *m)
-            .collect();
-        let warp = fit(&kept, motion, width, height);
-        for (i, found) in matches
-            .iter()
-            .enumerate()
-            .filter(|(i, _)| i % FOLDS == fold)
-        {
-            losses[i] = distance(found, &warp).min(LOST).powi(2);
-        }
-    }
-    losses
+    let warps: Vec<Warp> = (0..FOLDS)
+        .into_par_iter()
+        .map(|fold| {
+            let kept = matches
+                .iter()
+                .enumerate()
+                .filter(|(i, _)| i % FOLDS != fold);
+            let kept: Vec<Match> = kept.map(|(_, found)| *found).collect();
+            fit(&kept, motion, width, height)
+        })
+        .collect();
+    let held_out = matches.iter().enumerate();
+    held_out
+        .map(|(i, found)| distance(found, &warps[i % FOLDS]).min(LOST).powi(2))
+        .collect()
 }
 
 fn distance(found: &Match, warp: &Warp) -> f64 {
@@ -114,8 +110,10 @@ fn distance(found: &Match, warp: &Warp) -> f64 {
     (found.displacement[0] - dx).hypot(found.displacement[1] - dy)
 }
 
-/// Rounds of reweighting by least absolute deviation, then by the biweight.
+/// Rounds of reweighting by least absolute deviation, then by the biweight, at most.
 const ROUNDS: usize = 12;
+/// Change of every parameter in a round with which such rounds end, pixels.
+const ARRIVED: f64 = 1e-3;
 /// Tukey's constant: 95 % efficiency on normal residuals.
 const BIWEIGHT: f64 = 4.685;
 /// Standard deviation of patch positions assumed at least, pixels.
@@ -128,46 +126,66 @@ fn fit(matches: &[Match], motion: Motion, width: usize, height: usize) -> Warp {
     if motion == Motion::Still || matches.is_empty() {
         return warp;
     }
-    let middle = |axis: usize| {
-        let mut values: Vec<f64> = matches.iter().map(|m| m.displacement[axis]).collect();
-        values.sort_unstable_by(f64::total_cmp);
-        values[values.len() / 2]
-    };
+    let middle = |axis: usize| median(matches.iter().map(|m| m.displacement[axis]).collect());
     warp = Warp::new(
         width,
         height,
         [middle(0), 0.0, 0.0, middle(1), 0.0, 0.0, 0.0, 0.0],
     );
-    for round in 0..2 * ROUNDS {
-        let distances: Vec<f64> = matches.iter().map(|found| distance(found, &warp)).collect();
-        let weights: Vec<f64> = if round < ROUNDS {
-            distances
-                .iter()
-                .map(|d| 1.0 / d.max(SIGMA_AT_LEAST))
-                .collect()
-        } else {
-            let mut sorted = distances.clone();
-            sorted.sort_unstable_by(f64::total_cmp);
-            // The median length of a 2-D normal error is 1.1774 sigma.
-            let sigma = (sorted[sorted.len() / 2] / 1.177_4).max(SIGMA_AT_LEAST);
-            distances
-                .iter()
-                .map(|d| (1.0 - (d / (BIWEIGHT * sigma)).powi(2)).max(0.0).powi(2))
-                .collect()
-        };
-        match weighted(matches, &weights, motion, &warp) {
-            Some(next) => warp = next,
-            None => break,
+    for loss in [Loss::Absolute, Loss::Biweight] {
+        for _ in 0..ROUNDS {
+            let distances: Vec<f64> = matches.iter().map(|found| distance(found, &warp)).collect();
+            let Some(next) = weighted(matches, &loss.weights(&distances), motion, &warp) else {
+                return warp;
+            };
+            let parameters = warp.parameters().into_iter().zip(next.parameters());
+            let change = parameters.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            warp = next;
+            if change < ARRIVED {
+                break;
+            }
         }
     }
     warp
 }
 
+/// What a patch's distance from the motion counts for.
+#[derive(Debug, Clone, Copy)]
+enum Loss {
+    Absolute,
+    Biweight,
+}
+
+impl Loss {
+    fn weights(self, distances: &[f64]) -> Vec<f64> {
+        match self {
+            Self::Absolute => {
+                let weight = |d: &f64| 1.0 / d.max(SIGMA_AT_LEAST);
+                distances.iter().map(weight).collect()
+            }
+            Self::Biweight => {
+                // The median length of a 2-D normal error is 1.1774 sigma.
+                let sigma = (median(distances.to_vec()) / 1.177_4).max(SIGMA_AT_LEAST);
+                let weight = |d: &f64| (1.0 - (d / (BIWEIGHT * sigma)).powi(2)).max(0.0).powi(2);
+                distances.iter().map(weight).collect()
+            }
+        }
+    }
+}
+
+/// The upper one of two middle values; 0 of none.
+fn median(mut values: Vec<f64>) -> f64 {
+    if values.is_empty() {
+        return 0.0;
+    }
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
 /// One weighted least squares fit; `None` when the patches do not determine it.
 fn weighted(matches: &[Match], weights: &[f64], motion: Motion, frame: &Warp) -> Option<Warp> {
     let used = motion.parameters();
-    let size = used.len();
-    let mut system = vec![vec![0.0f64; size + 1]; size];
+    let mut products = [[0.0f64; PARAMETERS + 1]; PARAMETERS];
     for (found, weight) in matches.iter().zip(weights) {
         let [u, v] = frame.normalised(found.centre[0], found.centre[1]);
         let rows = [
@@ -181,14 +199,23 @@ fn weighted(matches: &[Match], weights: &[f64], motion: Motion, frame: &Warp) ->
             ),
         ];
         for (row, value) in rows {
-            for (i, &a) in used.iter().enumerate() {
-                for (j, &b) in used.iter().enumerate() {
-                    system[i][j] += weight * row[a] * row[b];
+            for &a in used {
+                let weighted = weight * row[a];
+                if weighted != 0.0 {
+                    for (sum, term) in products[a].iter_mut().zip(row) {
+                        *sum += weighted * term;
+                    }
+                    products[a][PARAMETERS] += weighted * value;
                 }
-                system[i][size] += weight * row[a] * value;
             }
         }
     }
+    let columns = |a: usize| {
+        used.iter()
+            .chain([&PARAMETERS])
+            .map(move |&b| products[a][b])
+    };
+    let system = used.iter().map(|&a| columns(a).collect()).collect();
     let solution = solve(system)?;
     let mut parameters = [0.0; 8];
     for (&index, value) in used.iter().zip(solution) {

@@ -7,6 +7,7 @@
 use super::texture::Texture;
 use super::warp::Warp;
 use super::window::{WINDOW, sample};
+use fearless_simd::{Level, Simd, dispatch};
 
 pub(super) use super::window::SIDE;
 
@@ -120,7 +121,8 @@ fn eight(row: &[f32], from: usize) -> [f32; LANES] {
 
 /// Sums over the patch of the products that the step is made of. The order: gradients x and y,
 /// what is seen, their six products, and the products of the pattern with all three.
-fn sums(pattern: &Pattern, window: &[f32; WINDOW * WINDOW]) -> [f64; 12] {
+#[inline(always)]
+fn sums<S: Simd>(_simd: S, pattern: &Pattern, window: &[f32; WINDOW * WINDOW]) -> [f64; 12] {
     let mut sums = [0.0f64; 12];
     let rows = pattern.values.chunks_exact(SIDE).enumerate();
     for (y, pattern) in rows {
@@ -171,7 +173,7 @@ fn correction(pattern: &Pattern, window: &[f32; WINDOW * WINDOW]) -> Option<Step
         px,
         py,
         sp,
-    ] = sums(pattern, window);
+    ] = dispatch!(Level::new(), simd => sums(simd, pattern, window));
     let count = (SIDE * SIDE) as f64;
     // The means are taken out of the sums; the pattern has none.
     gxx -= x * x / count;

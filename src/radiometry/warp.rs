@@ -90,12 +90,17 @@ impl Warp {
 
     /// Length of the largest displacement of the four corners, pixels.
     pub fn corner_shift(&self) -> f32 {
+        self.furthest_from(&Self::identity(self.width, self.height))
+    }
+
+    /// How far two motions of one picture move its corners apart at most, pixels.
+    pub(super) fn furthest_from(&self, other: &Self) -> f32 {
         let (right, bottom) = (self.width as f64 - 1.0, self.height as f64 - 1.0);
         [[0.0, 0.0], [right, 0.0], [0.0, bottom], [right, bottom]]
             .iter()
             .map(|&[x, y]| {
-                let [dx, dy] = self.displacement(x, y);
-                dx.hypot(dy) as f32
+                let ([dx, dy], [ox, oy]) = (self.displacement(x, y), other.displacement(x, y));
+                (dx - ox).hypot(dy - oy) as f32
             })
             .fold(0.0, f32::max)
     }
