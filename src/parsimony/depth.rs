@@ -1,9 +1,9 @@
 //! What the depth camera's own samples say for a plane, for smooth surfaces, and for every detail.
 
 use super::rule::Scores;
-use crate::shot::Shot;
+use crate::{scene::Flat, shot::Shot};
 use drivers::Plane;
-use glam::{DMat3, DVec2, DVec3};
+use glam::{DVec2, DVec3};
 
 /// Samples asked, about.
 const SAMPLES: usize = 8_192;
@@ -11,8 +11,8 @@ const SAMPLES: usize = 8_192;
 const TILES: usize = 8;
 /// Depth is never better than this share of it.
 const LEAST_SIGMA: f64 = 5e-4;
-/// Rounds of reweighting of the plane's fit.
-const ROUNDS: usize = 6;
+/// Every so many of them the plane is fitted to: its three numbers need no more.
+const PLANE_STRIDE: usize = 4;
 
 /// A sample, and what its neighbours one and two samples away make of it.
 struct Held {
@@ -38,7 +38,9 @@ pub(super) fn depth_scores(shot: &Shot) -> Scores {
     let middle = misfits.len() / 2;
     let usual = *misfits.select_nth_unstable_by(middle, f64::total_cmp).1;
     let sigma = |one: &Held| usual.max(LEAST_SIGMA * one.inverse);
-    let plane = plane(&held, sigma);
+    let fitted = held.iter().step_by(PLANE_STRIDE);
+    let fitted: Vec<(DVec3, f64)> = fitted.map(|one| (one.ray, one.inverse)).collect();
+    let plane = Flat::through(&fitted);
     let loss = |one: &Held, predicted: f64| {
         let misfit = (predicted - one.inverse) / sigma(one);
         (1.0 + misfit * misfit).ln() as f32
@@ -47,7 +49,10 @@ pub(super) fn depth_scores(shot: &Shot) -> Scores {
     let mut deviance = [0.0; 3];
     for one in &held {
         let losses = [
-            loss(one, plane.map_or(f64::INFINITY, |plane| plane.dot(one.ray))),
+            loss(
+                one,
+                plane.map_or(f64::INFINITY, |plane| plane.along(one.ray)),
+            ),
             loss(one, one.far),
             loss(one, one.near),
         ];
@@ -107,22 +112,4 @@ fn held(shot: &Shot, metres: &Plane<f32>) -> Vec<Held> {
         }
     }
     held
-}
-
-/// 1/z over the rays, fitted with Cauchy weights.
-fn plane(held: &[Held], sigma: impl Fn(&Held) -> f64) -> Option<DVec3> {
-    let mut found: Option<DVec3> = None;
-    for _ in 0..ROUNDS {
-        let (mut matrix, mut right) = (DMat3::ZERO, DVec3::ZERO);
-        for one in held {
-            let misfit = found.map_or(0.0, |plane| (plane.dot(one.ray) - one.inverse) / sigma(one));
-            let weight = 1.0 / (1.0 + misfit * misfit);
-            let DVec3 { x, y, z } = one.ray;
-            matrix += DMat3::from_cols(one.ray * x, one.ray * y, one.ray * z) * weight;
-            right += one.ray * one.inverse * weight;
-        }
-        let plane = matrix.inverse() * right;
-        found = Some(plane.is_finite().then_some(plane)?);
-    }
-    found
 }

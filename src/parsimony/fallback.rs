@@ -5,7 +5,7 @@ use crate::{
     radiometry::LinearImage,
     relight::{Relit, enlarge::Mix},
     shot::Shot,
-    verdict::{Verdict, contradicted},
+    verdict::Verdict,
 };
 use drivers::{DepthFrame, Plane};
 
@@ -37,54 +37,33 @@ const SURE: f32 = 2.0;
 /// Pixels that brightness is asked of, about.
 const SAMPLES: usize = 60_000;
 
-/// The shot without depth that its photograph contradicts, on the photograph's grid; `None` where
-/// there is none.
-pub(super) fn without_contradicted(shot: &Shot, development: &Development) -> Option<Shot> {
-    let wrong = contradicted(shot, development)?;
+/// The shot without the depth at the `wrong` pixels of the working grid, its depth on the photograph's
+/// grid.
+pub(super) fn without(shot: &Shot, development: &Development, wrong: &Plane<bool>) -> Shot {
     let (width, height) = shot.flash.pixels.size();
-    let registered = &development.registered;
-    let at = |x: usize, y: usize| {
-        let (columns, rows) = wrong.size();
-        (x * columns / width, y * rows / height)
-    };
-    let spread = |plane: &Plane<f32>| {
-        Plane::from_fn(width, height, |x, y| {
-            let at = at(x, y);
-            if wrong[at] { f32::NAN } else { plane[at] }
-        })
-    };
-    let own_grid = shot.rig.depth.is_none();
-    let depth = DepthFrame {
-        metres: if own_grid {
-            let metres = &shot.depth.metres;
-            Plane::from_fn(width, height, |x, y| {
-                if wrong[at(x, y)] {
-                    f32::NAN
-                } else {
-                    metres[(x, y)]
-                }
-            })
-        } else {
-            spread(&registered.metres)
-        },
-        sigma: if own_grid {
-            shot.depth.sigma.clone()
-        } else {
-            Some(spread(&registered.sigma_metres))
-        },
-        amplitude: if own_grid {
-            shot.depth.amplitude.clone()
-        } else {
-            registered.amplitude.as_ref().map(spread)
-        },
-        ..shot.depth
-    };
-    let mut shot = Shot {
-        depth,
-        ..shot.clone()
-    };
-    shot.rig.depth = None;
-    Some(shot)
+    let (columns, rows) = wrong.size();
+    let on_grid = |x: usize, y: usize| (x * columns / width, y * rows / height);
+    let mut shot = shot.clone();
+    // Depth of another camera comes as it was registered on the photograph.
+    if shot.rig.depth.take().is_some() {
+        let spread =
+            |plane: &Plane<f32>| Plane::from_fn(width, height, |x, y| plane[on_grid(x, y)]);
+        let registered = &development.registered;
+        shot.depth = DepthFrame {
+            metres: spread(&registered.metres),
+            sigma: Some(spread(&registered.sigma_metres)),
+            amplitude: registered.amplitude.as_ref().map(spread),
+            ..shot.depth
+        };
+    }
+    for y in 0..height {
+        for (x, metres) in shot.depth.metres.row_mut(y).iter_mut().enumerate() {
+            if wrong[on_grid(x, y)] {
+                *metres = f32::NAN;
+            }
+        }
+    }
+    shot
 }
 
 /// How an answer leans on the photograph: `None` where nothing is wrong, the more the worse it is.

@@ -1,7 +1,7 @@
 //! A shot modelled with chosen terms, ready for lamps.
 
 use super::{
-    fallback::{Hedge, hedge, hedged, without_contradicted},
+    fallback::{Hedge, hedge, hedged, without},
     glance::Glance,
     plan::Plan,
     terms::{Shadow, Terms},
@@ -14,8 +14,9 @@ use crate::{
         networks::{Doubt, Feed, Network, NetworkError, Variant},
     },
     shot::Shot,
-    verdict::{Verdict, judge},
+    verdict::{Verdict, contradicted, judge},
 };
+use std::borrow::Cow;
 
 /// Rounds in which depth is left out: behind what goes, more may show.
 const MOST_ROUNDS: usize = 3;
@@ -85,14 +86,16 @@ impl Model {
         begins: &mut dyn FnMut(Stage),
     ) -> Result<Self, DevelopError> {
         let mut model = Self::new(shot, flash_only, plan, glance, base, begins)?;
-        let verdict = judge(shot, &model.development);
-        let mut filled = without_contradicted(shot, &model.development);
+        let mut verdict = judge(shot, &model.development);
+        let mut wrong = verdict.contradicted.take();
+        let mut filled = Cow::Borrowed(shot);
         for _ in 0..MOST_ROUNDS {
-            let Some(without) = filled else { break };
+            let Some(pixels) = wrong else { break };
+            filled = Cow::Owned(without(&filled, &model.development, &pixels));
             let flash_only = model.development.flash_only;
-            model = Self::new(&without, flash_only, plan, glance, base, begins)?;
+            model = Self::new(&filled, flash_only, plan, glance, base, begins)?;
             model.depth_left_out = true;
-            filled = without_contradicted(&without, &model.development);
+            wrong = contradicted(&filled, &model.development);
         }
         if let Some(hedge) = hedge(&verdict) {
             let flash_only = &model.development.flash_only;

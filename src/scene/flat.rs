@@ -12,7 +12,7 @@ const QUARTER_WEIGHT: f64 = 2.0;
 
 /// A plane in front of the camera: 1/z = a·x/z + b·y/z + c, whatever the lens.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Flat(DVec3);
+pub(crate) struct Flat(DVec3);
 
 impl Flat {
     /// Fits depth (metres of z; NaN = unknown) over the `rays` of its pixels (x/z, y/z), robustly;
@@ -27,6 +27,11 @@ impl Flat {
             .filter(|(z, _)| z.is_finite())
             .map(|(z, ray)| (ray.as_dvec2().extend(1.0), 1.0 / f64::from(*z)))
             .collect();
+        Self::through(&samples)
+    }
+
+    /// The same of samples: rays (x/z, y/z, 1) and 1/z, 1/metres.
+    pub fn through(samples: &[(DVec3, f64)]) -> Option<Self> {
         let mut weights = vec![1.0; samples.len()];
         let mut found = None;
         for _ in 0..ROUNDS {
@@ -45,7 +50,7 @@ impl Flat {
             let middle = misfits.len() / 2;
             let usual = *misfits.select_nth_unstable_by(middle, f64::total_cmp).1;
             let usual = QUARTER_WEIGHT * usual.max(1e-9);
-            for (weight, sample) in weights.iter_mut().zip(&samples) {
+            for (weight, sample) in weights.iter_mut().zip(samples) {
                 *weight = (1.0 + (misfit(sample) / usual).powi(2)).powi(-2);
             }
             found = Some(Self(plane));
@@ -55,7 +60,12 @@ impl Flat {
 
     /// 1/z of the plane along a ray, 1/metres; not positive where the ray misses it.
     pub fn inverse_depth(self, ray: Vec2) -> f32 {
-        self.0.dot(ray.as_dvec2().extend(1.0)) as f32
+        self.along(ray.as_dvec2().extend(1.0)) as f32
+    }
+
+    /// The same for a ray (x/z, y/z, 1).
+    pub fn along(self, ray: DVec3) -> f64 {
+        self.0.dot(ray)
     }
 
     /// Its unit normal in camera axes, toward the camera.

@@ -8,6 +8,7 @@ mod confidence;
 mod edges;
 mod estimate;
 mod fill;
+mod connected;
 mod flat;
 mod grain;
 mod karis;
@@ -27,7 +28,9 @@ mod thickness;
 mod variation;
 mod windows;
 
+pub(crate) use connected::connected;
 pub use estimate::estimate;
+pub(crate) use flat::Flat;
 pub use grain::variance_left;
 pub use karis::{F0, ROUGHNESS_FLOOR, karis, karis_at_lens};
 pub use options::{Material, SceneError, SceneOptions, Shape};

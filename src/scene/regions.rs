@@ -1,5 +1,6 @@
 //! Pieces of surface: smooth, connected, and taken to be of one material.
 
+use super::connected::connected;
 use super::edges::Edges;
 use drivers::Plane;
 use glam::Vec3;
@@ -16,59 +17,35 @@ pub(super) struct Regions {
 /// A fold sharper than this (cosine between neighbouring normals; 20°) parts two pieces.
 const FOLD_COSINE: f32 = 0.94;
 
-/// Joins neighbours that no cut and no fold parts (union–find, near-linear).
+/// Joins neighbours that no cut and no fold parts.
 pub(super) fn regions(edges: &Edges, normal: &Plane<Vec3>) -> Regions {
     let (width, height) = normal.size();
-    let mut parents: Vec<u32> = (0..normal.len() as u32).collect();
-    let smooth = |a: Vec3, b: Vec3| a.dot(b) > FOLD_COSINE;
-    for y in 0..height {
-        for x in 0..width {
-            let i = y * width + x;
-            let here = normal.samples()[i];
-            if x + 1 < width && !edges.right[(x, y)] && smooth(here, normal.samples()[i + 1]) {
-                join(&mut parents, i as u32, (i + 1) as u32);
-            }
-            if y + 1 < height && !edges.below[(x, y)] && smooth(here, normal.samples()[i + width]) {
-                join(&mut parents, i as u32, (i + width) as u32);
-            }
-        }
-    }
-    // Roots get consecutive numbers in the order they are met.
-    let mut numbers = vec![u32::MAX; parents.len()];
+    let smooth = |a: (usize, usize), b: (usize, usize)| normal[a].dot(normal[b]) > FOLD_COSINE;
+    let pieces = connected(
+        (width, height),
+        |x, y| !edges.right[(x, y)] && smooth((x, y), (x + 1, y)),
+        |x, y| !edges.below[(x, y)] && smooth((x, y), (x, y + 1)),
+    );
+    // Pieces get consecutive numbers in the order they are met.
+    let mut numbers = vec![u32::MAX; pieces.len()];
     let mut count = 0;
     let mut of = Plane::filled(width, height, None);
-    for (i, region) in of.samples_mut().iter_mut().enumerate() {
-        if normal.samples()[i].is_nan() {
+    let places = of.samples_mut().iter_mut().zip(pieces.samples());
+    for ((region, piece), normal) in places.zip(normal.samples()) {
+        if normal.is_nan() {
             continue;
         }
-        let root = root(&mut parents, i as u32) as usize;
-        if numbers[root] == u32::MAX {
-            numbers[root] = count;
+        let number = &mut numbers[*piece as usize];
+        if *number == u32::MAX {
+            *number = count;
             count += 1;
         }
-        *region = Some(numbers[root]);
+        *region = Some(*number);
     }
     Regions {
         of,
         count: count as usize,
     }
-}
-
-/// Representative of `i`'s set; halves the path on the way.
-fn root(parents: &mut [u32], mut i: u32) -> u32 {
-    while parents[i as usize] != i {
-        let up = parents[parents[i as usize] as usize];
-        parents[i as usize] = up;
-        i = up;
-    }
-    i
-}
-
-fn join(parents: &mut [u32], a: u32, b: u32) {
-    let (a, b) = (root(parents, a), root(parents, b));
-    // The smaller index leads, so that numbering does not depend on the order of joining.
-    let (low, high) = (a.min(b), a.max(b));
-    parents[high as usize] = low;
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 //! the picture goes on across their edges.
 
 use super::{look::Look, steps::Steps};
-use crate::{develop::Development, shot::Shot};
+use crate::{develop::Development, scene::connected, shot::Shot};
 use drivers::Plane;
 
 /// Steps smaller than this share of the nearer depth may be relief that no photograph shows.
@@ -36,7 +36,11 @@ impl Edge {
 /// Pixels whose depth the photograph contradicts, on the photograph's working grid; `None` without any.
 pub fn contradicted(shot: &Shot, development: &Development) -> Option<Plane<bool>> {
     let look = Look::of(shot, development);
-    let steps = Steps::of(&look);
+    of(&look, &Steps::of(&look))
+}
+
+/// The same, of a look and the steps of its depth.
+pub(super) fn of(look: &Look<'_>, steps: &Steps) -> Option<Plane<bool>> {
     let (width, height) = look.size();
     let mut cut = [(); 2].map(|()| Plane::filled(width, height, false));
     for step in &steps.found {
@@ -45,7 +49,7 @@ pub fn contradicted(shot: &Shot, development: &Development) -> Option<Plane<bool
     let piece = pieces(&look.metres, &cut);
     let mut edges = vec![Edge::default(); piece.len()];
     for index in piece.samples() {
-        edges[*index].pixels += 1;
+        edges[*index as usize].pixels += 1;
     }
     for step in steps.found.iter().filter(|step| step.height > CLEAR) {
         let there = if step.across {
@@ -61,7 +65,7 @@ pub fn contradicted(shot: &Shot, development: &Development) -> Option<Plane<bool
         };
         let unseen = usize::from(!step.seen);
         for (side, at) in [(true, far), (false, near)] {
-            let edge = &mut edges[piece[at]];
+            let edge = &mut edges[piece[at] as usize];
             let counts = if side { &mut edge.far } else { &mut edge.near };
             *counts = [counts[0] + 1, counts[1] + unseen];
         }
@@ -71,44 +75,24 @@ pub fn contradicted(shot: &Shot, development: &Development) -> Option<Plane<bool
         .iter()
         .map(|edge| edge.is_contradicted(largest))
         .collect();
-    let grid = development.scene.depth_metres.size();
+    let grid = look.development.scene.depth_metres.size();
     let found = Plane::from_fn(grid.0, grid.1, |x, y| {
         let at = (
             (x / look.stride).min(width - 1),
             (y / look.stride).min(height - 1),
         );
-        !look.metres[at].is_nan() && wrong[piece[at]]
+        !look.metres[at].is_nan() && wrong[piece[at] as usize]
     });
     found.samples().contains(&true).then_some(found)
 }
 
 /// The piece of connected depth that every pixel belongs to, named by its first pixel. `cut` says
 /// where depth steps: below a pixel, and right of it.
-fn pieces(metres: &Plane<f32>, [below, right]: &[Plane<bool>; 2]) -> Plane<usize> {
-    let (width, height) = metres.size();
-    let mut parents: Vec<usize> = (0..metres.len()).collect();
-    let mut join = |a: usize, b: usize| {
-        let (a, b) = (root(&mut parents, a), root(&mut parents, b));
-        parents[a.max(b)] = a.min(b);
-    };
-    for y in 0..height {
-        for x in 0..width {
-            let known = |x: usize, y: usize| !metres[(x, y)].is_nan();
-            if x + 1 < width && known(x, y) && known(x + 1, y) && !right[(x, y)] {
-                join(y * width + x, y * width + x + 1);
-            }
-            if y + 1 < height && known(x, y) && known(x, y + 1) && !below[(x, y)] {
-                join(y * width + x, (y + 1) * width + x);
-            }
-        }
-    }
-    Plane::from_fn(width, height, |x, y| root(&mut parents, y * width + x))
-}
-
-fn root(parents: &mut [usize], mut at: usize) -> usize {
-    while parents[at] != at {
-        parents[at] = parents[parents[at]];
-        at = parents[at];
-    }
-    at
+fn pieces(metres: &Plane<f32>, [below, right]: &[Plane<bool>; 2]) -> Plane<u32> {
+    let known = |x: usize, y: usize| !metres[(x, y)].is_nan();
+    connected(
+        metres.size(),
+        |x, y| known(x, y) && known(x + 1, y) && !right[(x, y)],
+        |x, y| known(x, y) && known(x, y + 1) && !below[(x, y)],
+    )
 }

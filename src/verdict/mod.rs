@@ -26,6 +26,7 @@ pub use finding::Finding;
 use crate::{develop::Development, shot::Shot};
 use drivers::Plane;
 use look::Look;
+use rayon::prelude::*;
 
 /// What a shot says about itself.
 #[derive(Debug, Clone)]
@@ -36,6 +37,8 @@ pub struct Verdict {
     /// How far to trust a pixel of the working grid, 0 (a guess) to 1; NaN = neither light nor depth
     /// is known.
     pub confidence: Plane<f32>,
+    /// Pixels of the working grid whose depth the photograph contradicts; `None` without any.
+    pub contradicted: Option<Plane<bool>>,
 }
 
 impl Verdict {
@@ -51,34 +54,36 @@ impl Verdict {
 /// still there.
 pub fn judge(shot: &Shot, development: &Development) -> Verdict {
     let look = Look::of(shot, development);
-    let steps = steps::Steps::of(&look);
-    let speckle = depth_samples::Samples::of(&look);
-    let pair = pair::Pair::of(&look);
-    let shading = shading::Shading::of(&look);
-    let findings = vec![
-        speckle.noise(),
-        speckle.holes(),
-        speckle.flying(),
-        bends::multipath(&look, &steps),
-        steps.phase_wrap(&look),
-        steps.misalignment(&look),
-        depth_samples::resolution(&look),
-        pair.bright_ambient(&look),
-        light::flash_saturation(&look),
-        pair.motion(),
-        blur::hand_shake(&look, &steps),
-        pair.mains_flicker(),
-        shading.wrong_transfer(),
-        light::sensor_noise(&look),
-        blocks::jpeg(&look),
-        speckle.infrared_black(),
-        steps.mirror(&look),
-        thin::thin_structures(&look),
-        steps.occluders_outside(&look),
+    let ((steps, speckle), (pair, shading)) = rayon::join(
+        || (steps::Steps::of(&look), depth_samples::Samples::of(&look)),
+        || (pair::Pair::of(&look), shading::Shading::of(&look)),
+    );
+    let detectors: [&(dyn Fn() -> Finding + Sync); 19] = [
+        &|| speckle.noise(),
+        &|| speckle.holes(),
+        &|| speckle.flying(),
+        &|| bends::multipath(&look, &steps),
+        &|| steps.phase_wrap(&look),
+        &|| steps.misalignment(&look),
+        &|| depth_samples::resolution(&look),
+        &|| pair.bright_ambient(&look),
+        &|| light::flash_saturation(&look),
+        &|| pair.motion(),
+        &|| blur::hand_shake(&look, &steps),
+        &|| pair.mains_flicker(),
+        &|| shading.wrong_transfer(),
+        &|| light::sensor_noise(&look),
+        &|| blocks::jpeg(&look),
+        &|| speckle.infrared_black(),
+        &|| steps.mirror(&look),
+        &|| thin::thin_structures(&look),
+        &|| steps.occluders_outside(&look),
     ];
+    let findings = detectors.par_iter().map(|detect| detect()).collect();
     let confidence = confidence::confidence(&look, &steps);
     Verdict {
         findings,
         confidence,
+        contradicted: contradicted::of(&look, &steps),
     }
 }
