@@ -18,7 +18,7 @@ use super::{
         map::{Cells, DIRECTIONS, cell},
     },
 };
-use cut::{Cut, Sums, add, mean};
+use cut::{Cut, Sums, add};
 use display::Display;
 use rayon::prelude::*;
 use sample::Sample;
@@ -166,7 +166,7 @@ impl Prepared {
         let leaf = |((cell, lamp), lit): (&(usize, Lamp), &Vec<[f32; 3]>)| Leaf {
             cell: *cell,
             lamp: *lamp,
-            weight: mean(lit).iter().sum::<f64>().max(0.0) as f32 + 1e-3 * power(lamp),
+            weight: sample.mean(lit).iter().sum::<f64>().max(0.0) as f32 + 1e-3 * power(lamp),
         };
         let tree = Tree::new(weak.iter().zip(&lit).map(leaf).collect());
         let sums = Sums::new(sample.pixels.len(), &tree, |cell| {
@@ -178,7 +178,7 @@ impl Prepared {
             add(&mut all, &sample.lit(*cell, lamp));
         }
         let noise = sample.pixels.iter().map(|&(x, y)| relative_noise(x, y));
-        let display = Display::new(&all, noise);
+        let display = Display::new(&all, &sample.weights, noise);
         let (rms_enough, enough_95) = (MARGIN * display.noise, MARGIN * NORMAL_95 * display.noise);
 
         let mut cut = Cut::new(&tree, &sums, &sample, &display);

@@ -112,7 +112,7 @@ impl Candidate {
             };
         }
         let mut lit = sample.lit(cluster.cell, &cluster.lamp);
-        let (wanted, given) = (mean(&cells), mean(&lit));
+        let (wanted, given) = (sample.mean(&cells), sample.mean(&lit));
         let gain: [f32; 3] = std::array::from_fn(|channel| {
             let gain = (wanted[channel] / given[channel]) as f32;
             // Of a lamp that hardly anything sees, no brightness makes the others.
@@ -137,17 +137,6 @@ impl Candidate {
             error: display.root_mean_square(&change),
         }
     }
-}
-
-/// Light of the mean pixel.
-pub(super) fn mean(pixels: &[[f32; 3]]) -> [f64; 3] {
-    let mut sum = [0.0; 3];
-    for pixel in pixels {
-        for (sum, value) in sum.iter_mut().zip(pixel) {
-            *sum += f64::from(*value);
-        }
-    }
-    sum.map(|sum| sum / pixels.len().max(1) as f64)
 }
 
 /// The pixels under the first cell, the first two cells and so on: under any range by a subtraction.

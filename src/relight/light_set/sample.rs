@@ -9,8 +9,10 @@ use crate::relight::{
     },
 };
 
-/// At most so many pixels.
-const PIXELS: usize = 2048;
+/// At most so many pixels of each kind.
+const PIXELS: [usize; 2] = [1536, 768];
+/// Roughness under which highlights are small and sharp: such pixels are few, and change most.
+const GLOSSY: f32 = 0.35;
 
 /// Pixels spread over a scene, those whose surface is known, in one row, and which directions they
 /// see.
@@ -18,6 +20,8 @@ const PIXELS: usize = 2048;
 pub(super) struct Sample {
     /// Where each stands in the scene.
     pub pixels: Vec<(usize, usize)>,
+    /// How many of the scene's pixels each stands for, relative to the mean.
+    pub weights: Vec<f32>,
     /// Normal, albedo, roughness and ray, one plane after another.
     planes: [Vec<f32>; 9],
     /// Nothing is bounced here.
@@ -31,33 +35,46 @@ impl Sample {
     /// Of a scene and the directions that its pixels see.
     pub fn new(prepared: &Prepared, map: &VisibilityMap) -> Self {
         let (width, height) = prepared.size();
-        let mut side = 1;
-        while (width / side) * (height / side) > PIXELS {
-            side += 1;
+        let mut level = vec![0.0; width];
+        let kind = |row: &SurfaceRow<'_>, x: usize| {
+            let known = row.albedo[0][x].is_finite();
+            known.then(|| usize::from(prepared.shines && row.roughness[x] < GLOSSY))
+        };
+        let mut counts = [0usize; 2];
+        for y in 0..height {
+            let row = prepared.surfaces.row(y, &mut level);
+            for kind in (0..width).filter_map(|x| kind(&row, x)) {
+                counts[kind] += 1;
+            }
         }
+        let sides: [usize; 2] = std::array::from_fn(|kind| {
+            let fits = |side: &usize| counts[kind] <= PIXELS[kind] * side * side;
+            (1..).find(fits).unwrap_or(1)
+        });
         let mut sample = Self {
             pixels: Vec::new(),
+            weights: Vec::new(),
             planes: Default::default(),
             obscurance: Vec::new(),
             rings: vec![Vec::new(); RINGS],
             shines: prepared.shines,
         };
-        let (mut level, mut places) = (vec![0.0; width], vec![0; width]);
+        let mut places = vec![0; width];
         for y in 0..height {
             prepared.map_places(map, y, &mut places);
             let row = prepared.surfaces.row(y, &mut level);
-            // One pixel of each square, elsewhere in every square, so that no pattern keeps step.
-            let squares = (0..width / side).filter(|across| {
-                (3 * across + 2 * (y / side)) % side == y % side && y / side < height / side
-            });
-            for across in squares {
-                let x = side * across + (2 * across + 3 * (y / side)) % side;
-                if row.albedo[0][x].is_finite() {
-                    sample.push((x, y), &row, map, places[x]);
+            for (x, place) in places.iter().enumerate() {
+                if let Some(kind) = kind(&row, x)
+                    && stands_for_square((x, y), sides[kind])
+                {
+                    sample.push((x, y), &row, map, *place);
+                    sample.weights.push((sides[kind] * sides[kind]) as f32);
                 }
             }
         }
         sample.obscurance = vec![0.0; sample.pixels.len()];
+        let mean = sample.weights.iter().sum::<f32>() / sample.weights.len().max(1) as f32;
+        sample.weights.iter_mut().for_each(|weight| *weight /= mean);
         sample
     }
 
@@ -83,6 +100,17 @@ impl Sample {
             let word = map.ring(ring).get(place as usize);
             words.push(word.copied().unwrap_or(u32::MAX));
         }
+    }
+
+    /// Light of the scene's mean pixel.
+    pub fn mean(&self, pixels: &[[f32; 3]]) -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        for (pixel, weight) in pixels.iter().zip(&self.weights) {
+            for (sum, value) in sum.iter_mut().zip(pixel) {
+                *sum += f64::from(weight * value);
+            }
+        }
+        sum.map(|sum| sum / pixels.len().max(1) as f64)
     }
 
     /// The pixels under a lamp with the shadows of a cell's direction.
@@ -112,4 +140,10 @@ impl Sample {
         shade_row(&row, &lamp, &mut visibility, &mut lit);
         lit
     }
+}
+
+/// One pixel of each square of pixels, elsewhere in every square, so that no pattern keeps step.
+fn stands_for_square((x, y): (usize, usize), side: usize) -> bool {
+    let (across, down) = (x / side, y / side);
+    (3 * across + 2 * down) % side == y % side && (2 * across + 3 * down) % side == x % side
 }
