@@ -4,7 +4,7 @@ use crate::{
     develop::{DevelopError, Options, Stage, develop_light, work_out},
     inference::InferenceError,
     parsimony::{Bounced, CostModel, Geometry, Glance, Shadow, Terms, cost::Line},
-    radiometry,
+    radiometry::{self, SubtractOptions},
     relight::{
         Lamp, RelightOptions, Shadows,
         networks::{Channels, Doubt, Network},
@@ -28,6 +28,10 @@ const LARGEST_FILE: u64 = 1 << 16;
 const WIDTHS: [usize; 2] = [192, 512];
 /// Each time is the median of so many runs.
 const RUNS: usize = 7;
+/// Weight of the last shot in what shots have taken lately.
+const LAST_SHOT: f64 = 0.25;
+/// Shots are expected to take at least and at most so many times as long as measured.
+const PACES: std::ops::RangeInclusive<f64> = 0.25..=8.0;
 /// One answer of the shadow network where none was at hand: 1.8 GFLOP at 20 GFLOP/s.
 const UNMEASURED_NETWORK_MS: f64 = 90.0;
 
@@ -52,6 +56,8 @@ struct Kept {
     format: u32,
     threads: usize,
     optimised: bool,
+    /// How many times as long shots have taken lately as `costs` says.
+    pace: f64,
     costs: CostModel,
 }
 
@@ -72,9 +78,9 @@ pub struct Known {
 /// # Errors
 /// [`CostError`] when nothing can be measured.
 pub fn known(file: Option<&Path>, network: Option<&LoadNetwork<'_>>) -> Result<Known, CostError> {
-    if let Some(costs) = file.and_then(kept) {
+    if let Some(kept) = file.and_then(kept) {
         return Ok(Known {
-            costs,
+            costs: kept.costs.at_pace(kept.pace),
             warning: None,
         });
     }
@@ -89,7 +95,7 @@ pub fn known(file: Option<&Path>, network: Option<&LoadNetwork<'_>>) -> Result<K
     }
     let warning = match file {
         None => Some("there is no cache folder (set XDG_CACHE_HOME or HOME): what steps cost here is measured again in every run".to_owned()),
-        Some(file) => keep(file, costs).err().map(|error| {
+        Some(file) => keep(file, costs, 1.0).err().map(|error| {
             format!(
                 "{}: what steps cost here could not be kept ({error}) and is measured again in every run; make the folder writable",
                 file.display()
@@ -97,6 +103,18 @@ pub fn known(file: Option<&Path>, network: Option<&LoadNetwork<'_>>) -> Result<K
         }),
     };
     Ok(Known { costs, warning })
+}
+
+/// Learns from a shot that was expected to take `expected_ms` by the costs in `file`, and took `took_ms`:
+/// the machine may be warmer or busier than it was when they were measured. A file that cannot be read
+/// or written is left as it is; whoever reads it says so.
+pub fn learn(file: &Path, expected_ms: f64, took_ms: f64) {
+    let ratio = took_ms / expected_ms;
+    let (Some(kept), true) = (kept(file), ratio.is_finite() && ratio > 0.0) else {
+        return;
+    };
+    let pace = (kept.pace * ratio.powf(LAST_SHOT)).clamp(*PACES.start(), *PACES.end());
+    keep(file, kept.costs, pace).ok();
 }
 
 /// Milliseconds of one answer of a shadow network.
@@ -124,33 +142,32 @@ pub fn usual_file() -> Option<PathBuf> {
         .map(|cache| cache.join("costs.toml"))
 }
 
-fn kept(file: &Path) -> Option<CostModel> {
+fn kept(file: &Path) -> Option<Kept> {
     let size = fs::metadata(file).ok()?.len();
     if size > LARGEST_FILE {
         return None;
     }
     let kept: Kept = toml::from_str(&fs::read_to_string(file).ok()?).ok()?;
-    let ours = Kept {
-        costs: kept.costs,
-        ..header()
-    };
-    (kept == ours && kept.costs.is_usable()).then_some(kept.costs)
+    let usable = kept.costs.is_usable() && PACES.contains(&kept.pace);
+    (kept == of_this_build(kept.costs, kept.pace) && usable).then_some(kept)
 }
 
-fn header() -> Kept {
+fn of_this_build(costs: CostModel, pace: f64) -> Kept {
     Kept {
-        format: 1,
+        format: 2,
         threads: rayon::current_num_threads(),
         optimised: !cfg!(debug_assertions),
-        costs: CostModel::default(),
+        pace,
+        costs,
     }
 }
 
 /// Replaces the file as a whole, so that a reader never meets half of one.
-fn keep(file: &Path, costs: CostModel) -> std::io::Result<()> {
+fn keep(file: &Path, costs: CostModel, pace: f64) -> std::io::Result<()> {
     let folder = file.parent().unwrap_or(Path::new("."));
     fs::create_dir_all(folder)?;
-    let text = toml::to_string(&Kept { costs, ..header() }).map_err(std::io::Error::other)?;
+    let kept = of_this_build(costs, pace);
+    let text = toml::to_string(&kept).map_err(std::io::Error::other)?;
     let mut staged = tempfile::NamedTempFile::new_in(folder)?;
     staged.write_all(text.as_bytes())?;
     staged.persist(file)?;
@@ -166,6 +183,7 @@ fn measured() -> Result<CostModel, CostError> {
     };
     Ok(CostModel {
         radiometry: line(|steps| steps.radiometry),
+        alignment: line(|steps| steps.aligned_radiometry - steps.radiometry),
         reduce: line(|steps| steps.reduce),
         registration: line(|steps| steps.registration),
         flat: line(|steps| steps.flat),
@@ -189,6 +207,7 @@ fn measured() -> Result<CostModel, CostError> {
 struct Steps {
     pixels: usize,
     radiometry: f64,
+    aligned_radiometry: f64,
     reduce: f64,
     registration: f64,
     flat: f64,
@@ -207,8 +226,14 @@ struct Steps {
 fn steps(width: usize) -> Result<Steps, CostError> {
     let shot = computed(width)?;
     let base = Options::default();
-    let subtract = || radiometry::subtract(&shot.flash, &shot.ambient, &base.subtract);
-    let flash_only = subtract().map_err(DevelopError::from)?;
+    let subtract = |align: bool| {
+        let options = SubtractOptions {
+            align,
+            ..base.subtract
+        };
+        radiometry::subtract(&shot.flash, &shot.ambient, &options)
+    };
+    let flash_only = subtract(true).map_err(DevelopError::from)?;
     let pixels = flash_only.light.0.len();
     // One development with some terms, by stages.
     let stages = |terms: Terms| -> Result<[f64; 3], DevelopError> {
@@ -274,7 +299,8 @@ fn steps(width: usize) -> Result<Steps, CostError> {
     };
     Ok(Steps {
         pixels,
-        radiometry: timed(subtract),
+        radiometry: timed(|| subtract(false)),
+        aligned_radiometry: timed(|| subtract(true)),
         reduce: timed(|| crate::develop::reduced(&flash_only, 2)),
         registration,
         // What a scene is prepared with in any case counts with its surfaces.
@@ -345,6 +371,30 @@ mod tests {
         fs::write(&file, "format = 1\nthreads = -3").unwrap();
         assert_ne!(known(Some(&file), None).unwrap(), first);
         assert!(kept(&file).is_some());
+    }
+
+    #[test]
+    fn shots_that_take_longer_make_the_next_ones_expected_to() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("costs.toml");
+        let measured = known(Some(&file), None).unwrap().costs.shape.at(1_000_000);
+        let expected = || known(Some(&file), None).unwrap().costs.shape.at(1_000_000);
+        for _ in 0..24 {
+            // A machine three times as slow as it was, whatever is expected of it.
+            learn(&file, 10.0 * expected() / measured, 30.0);
+        }
+        assert!(
+            (expected() / measured - 3.0).abs() < 0.01,
+            "{}",
+            expected() / measured
+        );
+        learn(&file, 0.0, 30.0);
+        learn(&file, f64::NAN, 30.0);
+        assert!((expected() / measured - 3.0).abs() < 0.01);
+        for _ in 0..24 {
+            learn(&file, 1.0, 1e9);
+        }
+        assert!((expected() / measured - PACES.end()).abs() < 0.01);
     }
 
     #[test]

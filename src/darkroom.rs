@@ -10,7 +10,7 @@ pub use answering::{Answering, Asked, Auto, LoadNetwork, ready};
 
 use crate::{
     api::FaultKind,
-    costs::CostError,
+    costs::{self, CostError},
     develop::{DevelopError, Development, Stage},
     inference::InferenceError,
     output::{
@@ -131,6 +131,12 @@ pub fn print(
     let relit = lights::lit(order, surroundings.as_ref(), &mut model, clock, observe)?;
     let development = &model.development;
     let timings_ms = clock.end();
+    if let (Answering::Auto(auto), Some(evidence)) = (order.answering, &evidence)
+        && let (Some(file), Some(_)) = (&auto.costs_file, auto.budget)
+    {
+        let took_ms = timings_ms.iter().map(|(_, ms)| ms).sum();
+        costs::learn(file, evidence.expected_ms, took_ms);
+    }
     observe("writing");
     let mut warnings = order.warnings.clone();
     let labels: Vec<String> = order

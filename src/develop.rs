@@ -15,7 +15,8 @@ use crate::{
     scene::{self, Scene, SceneError, SceneOptions},
     shot::Shot,
 };
-use drivers::Plane;
+use drivers::{DepthFrame, Plane, Rig};
+use std::borrow::Cow;
 use thiserror::Error;
 use working_grid::{reduction, working_rig};
 
@@ -155,35 +156,82 @@ pub fn work_out(
     options: &Options,
     begins: &mut dyn FnMut(Stage),
 ) -> Result<Working, DevelopError> {
-    let factor = reduction(flash_only.light.0.len(), options.working_pixels);
-    let small = (factor > 1).then(|| reduced(flash_only, factor));
-
     begins(Stage::Registration);
-    let (light, rig, depth) = match &small {
-        None => (flash_only, shot.rig, None),
-        Some(light) => {
-            let (rig, depth) = working_rig(shot, light.light.0.size());
-            (light, rig, depth)
-        }
-    };
-    let maps = RigMaps::new(&rig)?;
-    let depth = depth.as_ref().unwrap_or(&shot.depth);
-    let registered = registration::register(depth, &maps, Some(&light.light))?;
-
+    let grid = Grid::of(shot, flash_only, options.working_pixels)?;
     begins(Stage::Scene);
-    let mut scene = scene::estimate(light, &registered, &rig, &options.scene)?;
-    if let Some(mask) = &shot.mask {
-        leave_out(&mut scene, mask);
-    }
-
+    let scene = grid.scene(shot, &options.scene)?;
     begins(Stage::Prepare);
     let prepared = Prepared::new(&scene, options.prepare);
     Ok(Working {
-        light: small.map(|small| small.light),
-        registered,
+        light: match grid.light {
+            Cow::Borrowed(_) => None,
+            Cow::Owned(small) => Some(small.light),
+        },
+        registered: grid.registered,
         scene,
         prepared,
     })
+}
+
+/// Light and depth on one grid, from which surfaces are worked out.
+#[derive(Debug, Clone)]
+pub struct Grid<'a> {
+    /// The light of the flash alone.
+    pub light: Cow<'a, FlashOnly>,
+    /// Depth.
+    pub registered: RegisteredDepth,
+    rig: Rig,
+}
+
+impl<'a> Grid<'a> {
+    /// At most `pixels` pixels of a shot, `flash_only` being its light.
+    ///
+    /// # Errors
+    /// [`DevelopError::Registration`] of depth that cannot be brought there.
+    pub fn of(shot: &Shot, flash_only: &'a FlashOnly, pixels: usize) -> Result<Self, DevelopError> {
+        let factor = reduction(flash_only.light.0.len(), pixels);
+        if factor > 1 {
+            return Self::reduced(shot, flash_only, factor);
+        }
+        Self::laid(Cow::Borrowed(flash_only), shot.rig, &shot.depth)
+    }
+
+    /// The same shot on a grid whose sides are `factor` times as coarse.
+    ///
+    /// # Errors
+    /// As [`Self::of`].
+    pub fn coarser(&self, shot: &Shot, factor: usize) -> Result<Self, DevelopError> {
+        Self::reduced(shot, &self.light, factor)
+    }
+
+    fn reduced(shot: &Shot, light: &FlashOnly, factor: usize) -> Result<Self, DevelopError> {
+        let small = reduced(light, factor);
+        let (rig, depth) = working_rig(shot, small.light.0.size());
+        let depth = depth.as_ref().unwrap_or(&shot.depth);
+        Self::laid(Cow::Owned(small), rig, depth)
+    }
+
+    fn laid(light: Cow<'a, FlashOnly>, rig: Rig, depth: &DepthFrame) -> Result<Self, DevelopError> {
+        let maps = RigMaps::new(&rig)?;
+        let registered = registration::register(depth, &maps, Some(&light.light))?;
+        Ok(Self {
+            light,
+            registered,
+            rig,
+        })
+    }
+
+    /// The surfaces on this grid.
+    ///
+    /// # Errors
+    /// [`DevelopError::Scene`] of light and depth of which no surfaces can be made.
+    pub fn scene(&self, shot: &Shot, options: &SceneOptions) -> Result<Scene, DevelopError> {
+        let mut scene = scene::estimate(&self.light, &self.registered, &self.rig, options)?;
+        if let Some(mask) = &shot.mask {
+            leave_out(&mut scene, mask);
+        }
+        Ok(scene)
+    }
 }
 
 /// Makes surfaces outside the mask unknown. Their depth stays: what does not count as picture

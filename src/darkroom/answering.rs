@@ -8,7 +8,7 @@ use crate::{
     parsimony::CostModel,
     relight::networks::{Network, Paper, Variant},
 };
-use std::time::Duration;
+use std::{path::PathBuf, time::Duration};
 
 /// What answers.
 pub enum Answering {
@@ -34,6 +34,8 @@ impl Answering {
 pub struct Auto {
     /// What every step costs here.
     pub costs: CostModel,
+    /// Where they are kept; shots with a budget correct them.
+    pub costs_file: Option<PathBuf>,
     /// From the shot in memory to the relit pictures in memory; `None` = as long as it takes.
     pub budget: Option<Duration>,
     /// Brings the shadow network into memory; `None` without its model file.
@@ -74,11 +76,13 @@ pub fn ready(asked: Asked, settings: &Settings) -> Result<(Answering, Vec<String
             let network = missing.is_none().then(|| -> LoadNetwork {
                 Box::new(move || inference::load("shadow", variant, &settings))
             });
+            let costs_file = costs::usual_file();
             let costs::Known { costs, warning } =
-                costs::known(costs::usual_file().as_deref(), network.as_deref())?;
+                costs::known(costs_file.as_deref(), network.as_deref())?;
             let missing = missing.map(|error| format!("shadows are not corrected: {error}"));
             let auto = Auto {
                 costs,
+                costs_file,
                 budget: asked.budget,
                 network,
             };

@@ -1,6 +1,6 @@
 //! What should lower the trust in an answer, in words.
 
-use crate::{develop::Development, relight::Relit, verdict::Verdict};
+use crate::{develop::Development, radiometry::AlignmentOutcome, relight::Relit, verdict::Verdict};
 use drivers::Plane;
 
 /// Fraction of pixels from which something is worth a warning.
@@ -48,6 +48,11 @@ pub(super) fn doubts(
             "{} of the photograph is clipped and has no answer; shorten the exposure or step back",
             percent(found.clipped_fraction)
         ),
+    );
+    doubt(
+        found.alignment == AlignmentOutcome::NotAsked,
+        "the photographs were subtracted as they lie: the budget has no time to align them; if the camera is held by hand, give more"
+            .into(),
     );
     doubt(
         found.moved_fraction > WORTH_SAYING && !said("motion"),

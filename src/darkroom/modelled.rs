@@ -8,13 +8,15 @@ use super::{
 use crate::{
     develop::{DevelopError, Options, Stage},
     parsimony::{Criterion, Glance, Model, Plan, Rule, Terms, Workload},
-    radiometry,
+    radiometry::{self, SubtractOptions},
 };
 use serde::Serialize;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// A look may take this share of a budget; beyond it what is typical must do.
 const LOOKING_SHARE: f64 = 0.15;
+/// Aligning the pair may take this share of a budget; beyond it the pair is taken as it lies.
+const ALIGNING_SHARE: f64 = 0.3;
 /// A plan may take this share of what is left of a budget: times scatter.
 const PLANNED_SHARE: f64 = 0.8;
 
@@ -27,6 +29,8 @@ pub(super) struct Evidence {
     pub plan: Plan,
     /// The budget, milliseconds.
     pub budget_ms: Option<f64>,
+    /// What all steps together were expected to take, milliseconds.
+    pub expected_ms: f64,
     /// What the look at a small copy found; `None` where there was no time for one.
     pub glance: Option<Glance>,
     /// What held-out samples would have asked for, by one standard error.
@@ -56,27 +60,30 @@ pub(super) fn modelled(
     {
         Plan::check(1e3 * budget.as_secs_f64(), &auto.costs, work)?;
     }
+    let steps = Steps::within(order.answering, work);
     clock.begin(name_of(Stage::Radiometry));
     observe(Stage::Radiometry.description());
-    let flash_only = radiometry::subtract(&shot.flash, &shot.ambient, &base.subtract)
-        .map_err(DevelopError::from)?;
+    let subtract = SubtractOptions {
+        align: steps.align,
+        ..base.subtract
+    };
+    let flash_only =
+        radiometry::subtract(&shot.flash, &shot.ambient, &subtract).map_err(DevelopError::from)?;
     refuse_without_flash(order, &flash_only.report)?;
     let (plan, glance, evidence) = match order.answering {
         Answering::Closed | Answering::Paper(_) => {
             (Plan::closed(work), Glance::nothing_known(), None)
         }
         Answering::Auto(auto) => {
-            let look = auto.budget.is_none_or(|budget| {
-                auto.costs.glance.at(work.pixels) < LOOKING_SHARE * 1e3 * budget.as_secs_f64()
-            });
             clock.begin("choose");
             observe("choosing what to model");
-            let glance = if look {
+            let glance = if steps.look {
                 Some(Glance::at(shot, &flash_only, &base)?)
             } else {
                 None
             };
-            let (plan, evidence) = chosen(auto, glance, work, began);
+            let (plan, mut evidence) = chosen(auto, glance, work, began);
+            evidence.expected_ms += steps.expected_ms;
             let glance = evidence.glance.clone().unwrap_or_else(Glance::typical);
             (plan, glance, Some(evidence))
         }
@@ -91,6 +98,44 @@ pub(super) fn modelled(
         observe(stage.description());
     })?;
     Ok((model, evidence))
+}
+
+/// What is done before a plan is made.
+struct Steps {
+    /// Whether the pair is aligned.
+    align: bool,
+    /// Whether a small copy is looked at.
+    look: bool,
+    /// What that is expected to take, milliseconds.
+    expected_ms: f64,
+}
+
+impl Steps {
+    /// What a budget has time for; everything where there is none.
+    fn within(answering: &Answering, work: Workload) -> Self {
+        let Answering::Auto(auto) = answering else {
+            return Self {
+                align: true,
+                look: false,
+                expected_ms: 0.0,
+            };
+        };
+        let costs = &auto.costs;
+        let [aligning, looking] = [costs.alignment, costs.glance].map(|line| line.at(work.pixels));
+        let fits = |ms: f64, share: f64| {
+            let within = |budget: Duration| ms < share * 1e3 * budget.as_secs_f64();
+            auto.budget.is_none_or(within)
+        };
+        let align = fits(aligning, ALIGNING_SHARE);
+        let look = fits(looking, LOOKING_SHARE);
+        let optional = [(align, aligning), (look, looking)];
+        let chosen = optional.iter().filter(|(done, _)| *done).map(|(_, ms)| ms);
+        Self {
+            align,
+            look,
+            expected_ms: costs.radiometry.at(work.pixels) + chosen.sum::<f64>(),
+        }
+    }
 }
 
 fn chosen(auto: &Auto, glance: Option<Glance>, work: Workload, began: Instant) -> (Plan, Evidence) {
@@ -120,6 +165,7 @@ fn chosen(auto: &Auto, glance: Option<Glance>, work: Workload, began: Instant) -
         words: plan.terms.to_string(),
         plan,
         budget_ms: auto.budget.map(|budget| 1e3 * budget.as_secs_f64()),
+        expected_ms: plan.expected_ms,
         by_one_standard_error: by(Rule::OneStandardError),
         by_bic: by(Rule::Bic),
         glance,

@@ -38,12 +38,14 @@ impl Line {
 }
 
 /// What every step costs on one machine, with its threads. Pixels are those of the working grid but
-/// for `radiometry`, `reduce` and `enlarge`, which take the photograph's.
+/// for `radiometry`, `alignment`, `reduce` and `enlarge`, which take the photograph's.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CostModel {
-    /// Flash − ambient.
+    /// Flash − ambient, as they lie.
     pub radiometry: Line,
+    /// What aligning the pair adds.
+    pub alignment: Line,
     /// The photograph on a coarser grid, once a shot.
     pub reduce: Line,
     /// Depth on the color grid.
@@ -89,28 +91,47 @@ pub struct Workload {
 
 impl CostModel {
     /// Whether every number can be one.
-    pub fn is_usable(&self) -> bool {
-        let lines = [
-            self.radiometry,
-            self.reduce,
-            self.registration,
-            self.flat,
-            self.shape,
-            self.one_roughness,
-            self.varying,
-            self.slabs,
-            self.obscurance,
-            self.lamp,
-            self.sweep,
-            self.correction,
-            self.enlarge,
-            self.glance,
-        ];
-        let times = [self.network_ms, self.network_load_ms];
-        lines.iter().all(Line::is_usable)
+    pub fn is_usable(mut self) -> bool {
+        let (lines, times) = self.parts();
+        lines.iter().all(|line| line.is_usable())
             && times
                 .iter()
-                .all(|ms| ms.is_finite() && (0.0..1e7).contains(ms))
+                .all(|ms| ms.is_finite() && (0.0..1e7).contains(*ms))
+    }
+
+    /// The costs when everything takes `pace` times as long.
+    #[must_use]
+    pub fn at_pace(mut self, pace: f64) -> Self {
+        let (lines, times) = self.parts();
+        for line in lines {
+            line.fixed_ms *= pace;
+            line.per_megapixel_ms *= pace;
+        }
+        for ms in times {
+            *ms *= pace;
+        }
+        self
+    }
+
+    fn parts(&mut self) -> ([&mut Line; 15], [&mut f64; 2]) {
+        let lines = [
+            &mut self.radiometry,
+            &mut self.alignment,
+            &mut self.reduce,
+            &mut self.registration,
+            &mut self.flat,
+            &mut self.shape,
+            &mut self.one_roughness,
+            &mut self.varying,
+            &mut self.slabs,
+            &mut self.obscurance,
+            &mut self.lamp,
+            &mut self.sweep,
+            &mut self.correction,
+            &mut self.enlarge,
+            &mut self.glance,
+        ];
+        (lines, [&mut self.network_ms, &mut self.network_load_ms])
     }
 
     /// Milliseconds from the flash's light to the relit pictures, on a grid reduced by `factor` a side.

@@ -3,17 +3,17 @@
 use super::{
     depth::depth_scores,
     rule::{Rule, Scores},
-    terms::Terms,
+    terms::{Bounced, Terms},
 };
 use crate::{
-    develop::{DevelopError, Options, Working, work_out},
+    develop::{DevelopError, Grid, Options},
     radiometry::FlashOnly,
     relight::{
-        Blocked, Indirect, Lamp, Prepared, RelightOptions, Relit, Shadows,
+        Indirect, Lamp, Prepared, RelightOptions, Relit, Shadows,
         enlarge::enlarge_relit,
         networks::{Doubt, UNSHADOWED},
     },
-    scene::{Material, Shine},
+    scene::{Material, Scene, Shine},
     shot::Shot,
 };
 use rayon::prelude::*;
@@ -120,81 +120,93 @@ impl Glance {
     /// # Errors
     /// [`DevelopError`] when it cannot be developed at all.
     pub fn at(shot: &Shot, flash_only: &FlashOnly, base: &Options) -> Result<Self, DevelopError> {
-        let everything = small_copy(shot, flash_only, base, Terms::CLOSED, PIXELS)?;
+        let grid = Grid::of(shot, flash_only, PIXELS)?;
+        let depth = depth_scores(shot);
         let lamps = PROBES.map(|toward| Lamp::from_person(toward).expect("a direction"));
         let pictures = |prepared: &Prepared, options: RelightOptions| -> Vec<Relit> {
             let one = |lamp| prepared.relight(lamp, options);
             lamps.par_iter().map(one).collect()
         };
         let all = RelightOptions::default();
-        let reference = pictures(&everything.prepared, all);
-        let blocked = everything.prepared.mean_blocked();
-        let depth = depth_scores(shot);
-        let without = |terms: Terms, pixels: usize| -> Result<f32, DevelopError> {
-            let copy = small_copy(shot, flash_only, base, terms, pixels)?;
-            let mut relit = pictures(&copy.prepared, all);
-            if let (Some(small), Some(full)) = (&copy.light, &everything.light)
-                && small.0.size() != full.0.size()
-            {
-                let enlarged = relit.iter().map(|relit| enlarge_relit(relit, small, full));
-                relit = enlarged.collect();
-            }
-            Ok(change(&reference, &relit))
+        let without = |grid: &Grid<'_>, terms: Terms| -> Result<Vec<Relit>, DevelopError> {
+            let (_, prepared) = modelled(shot, grid, base, terms)?;
+            Ok(pictures(&prepared, all))
         };
-        let of_material = |material: Material| {
-            without(
-                Terms {
-                    material,
-                    ..Terms::CLOSED
-                },
-                PIXELS,
-            )
+        let without_material = |material: Material| {
+            // What is bounced is weighed by itself.
+            let terms = Terms {
+                material,
+                indirect: Bounced::None,
+                ..Terms::CLOSED
+            };
+            without(&grid, terms)
         };
-        let of_options = |options| {
-            let relit = pictures(&everything.prepared, options);
-            change(&reference, &relit)
-        };
-        let tolerance = tolerance(flash_only, &everything);
-        let geometry = [
-            // Many planes are none: what the depth's samples refute is not looked at.
-            if depth.pick(Rule::OneStandardError) == 0 {
-                without(Terms::FEWEST, PIXELS)?
-            } else {
-                f32::INFINITY
+        // Grids so small keep no second core busy, so the models are made side by side.
+        let ((everything, one_roughness), (coarser, plane)) = rayon::join(
+            || {
+                rayon::join(
+                    || modelled(shot, &grid, base, Terms::CLOSED),
+                    || without_material(Material::OneRoughness),
+                )
             },
-            COARSER * without(Terms::CLOSED, PIXELS / 4)?,
+            || {
+                rayon::join(
+                    || -> Result<Vec<Relit>, DevelopError> {
+                        let coarse = grid.coarser(shot, 2)?;
+                        let (small, full) = (&coarse.light.light, &grid.light.light);
+                        let relit = without(&coarse, Terms::CLOSED)?;
+                        let enlarged = relit.iter().map(|relit| enlarge_relit(relit, small, full));
+                        Ok(enlarged.collect())
+                    },
+                    // Many planes are none: what the depth's samples refute is not looked at.
+                    || {
+                        let likely = depth.pick(Rule::OneStandardError) == 0;
+                        likely.then(|| without(&grid, Terms::FEWEST)).transpose()
+                    },
+                )
+            },
+        );
+        let (scene, prepared) = everything?;
+        let reference = pictures(&prepared, all);
+        let unbounced = RelightOptions {
+            indirect: Indirect::None,
+            ..all
+        };
+        let direct = pictures(&prepared, unbounced);
+        let changed = |relit: &[Relit]| change(&reference, relit);
+        let unshadowed = RelightOptions {
+            shadows: Shadows::None,
+            ..all
+        };
+        let tolerance = tolerance(flash_only, &scene);
+        let geometry = [
+            plane?.map_or(f32::INFINITY, |relit| changed(&relit)),
+            COARSER * changed(&coarser?),
         ];
-        let one = HIGHLIGHTS * of_material(Material::OneRoughness)?;
+        let shines = |relit: &[Relit]| HIGHLIGHTS * change(&direct, relit);
+        let one = shines(&one_roughness?);
         let material = [
             // Where one roughness will not do, none will not.
             if one <= tolerance {
-                HIGHLIGHTS * of_material(Material::Matte)?
+                shines(&without_material(Material::Matte)?)
             } else {
                 f32::INFINITY
             },
             one,
         ];
-        let even = everything.prepared.evenly_blocked(blocked);
-        let shine = everything.scene.shine.clone().unwrap_or_default();
+        let blocked = prepared.mean_blocked();
+        let even = prepared.evenly_blocked(blocked);
+        let shine = scene.shine.clone().unwrap_or_default();
         Ok(Self {
             tolerance,
             changes: Changes {
                 geometry,
                 material,
                 shadow: [
-                    of_options(RelightOptions {
-                        shadows: Shadows::None,
-                        ..all
-                    }),
-                    correctable(&everything.prepared, &reference, &lamps),
+                    changed(&pictures(&prepared, unshadowed)),
+                    correctable(&prepared, &reference, &lamps),
                 ],
-                indirect: [
-                    of_options(RelightOptions {
-                        indirect: Indirect::None,
-                        ..all
-                    }),
-                    change(&reference, &pictures(&even, all)),
-                ],
+                indirect: [changed(&direct), changed(&pictures(&even, all))],
             },
             depth,
             material: material_scores(&shine),
@@ -203,21 +215,18 @@ impl Glance {
     }
 }
 
-fn small_copy(
+/// The small copy with some terms.
+fn modelled(
     shot: &Shot,
-    flash_only: &FlashOnly,
+    grid: &Grid<'_>,
     base: &Options,
     terms: Terms,
-    pixels: usize,
-) -> Result<Working, DevelopError> {
+) -> Result<(Scene, Prepared), DevelopError> {
     let mut options = terms.options(base, 0.0);
-    options.working_pixels = pixels;
     options.scene.weigh_materials = terms == Terms::CLOSED;
-    if terms != Terms::CLOSED {
-        // What is bounced is weighed by itself.
-        options.prepare.blocked = Blocked::Nothing;
-    }
-    work_out(shot, flash_only, &options, &mut |_| ())
+    let scene = grid.scene(shot, &options.scene)?;
+    let prepared = Prepared::new(&scene, options.prepare);
+    Ok((scene, prepared))
 }
 
 fn material_scores(shine: &Shine) -> Scores {
@@ -261,10 +270,10 @@ fn correctable(prepared: &Prepared, reference: &[Relit], lamps: &[Lamp]) -> f32 
 }
 
 /// What may change: the noise of a relit picture is as large a share of it as that of the photograph is.
-fn tolerance(flash_only: &FlashOnly, everything: &Working) -> f32 {
+fn tolerance(flash_only: &FlashOnly, scene: &Scene) -> f32 {
     let light = flash_only.light.0.samples();
     let stride = light.len().div_ceil(20_000).max(1);
-    let albedo = mean_albedo(everything);
+    let albedo = mean_albedo(scene);
     let (mut sum, mut count) = (0.0f64, 0u32);
     for (light, variance) in light
         .iter()
@@ -284,13 +293,8 @@ fn tolerance(flash_only: &FlashOnly, everything: &Working) -> f32 {
         .min(MOST_CHANGE)
 }
 
-fn mean_albedo(everything: &Working) -> f32 {
-    let known = everything
-        .scene
-        .albedo
-        .samples()
-        .iter()
-        .filter(|a| a[0].is_finite());
+fn mean_albedo(scene: &Scene) -> f32 {
+    let known = scene.albedo.samples().iter().filter(|a| a[0].is_finite());
     let (sum, count) = known.fold((0.0f64, 0u32), |(sum, count), albedo| {
         (
             sum + f64::from(albedo[0] + albedo[1] + albedo[2]) / 3.0,

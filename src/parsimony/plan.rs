@@ -271,6 +271,7 @@ mod tests {
         };
         CostModel {
             radiometry: line(10.0),
+            alignment: line(30.0),
             reduce: line(1.0),
             registration: line(20.0),
             flat: line(40.0),
