@@ -6,7 +6,7 @@ use crate::{
     config::ConfigError,
     corruption::CorruptionError,
     costs::CostError,
-    eval::{EvalError, ReportError},
+    eval::{BesideError, EvalError, ReportError},
     folder::{FolderError, ImageError},
     inference::InferenceError,
     output::CommitError,
@@ -68,6 +68,8 @@ pub enum CommandError {
     #[error(transparent)]
     Report(#[from] ReportError),
     #[error(transparent)]
+    Beside(#[from] BesideError),
+    #[error(transparent)]
     Folder(#[from] FolderError),
     #[error(transparent)]
     Unwritten(FolderError),
@@ -98,6 +100,7 @@ impl CommandError {
             | Self::Inference(_)
             | Self::Response(_)
             | Self::Corruption(_)
+            | Self::Beside(_)
             | Self::Eval(_) => FaultKind::Input,
             Self::Result(_) | Self::Report(_) | Self::Unwritten(_) | Self::Commit(_) => {
                 FaultKind::Output

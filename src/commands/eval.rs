@@ -12,6 +12,7 @@ use crate::{
         EvalOptions, ForeignRow, Ledger, NoisyDepth, ReportFolder, Roster, evaluate,
         learned::{ThreeNetworks, WithRoomLight, WithoutDepth},
         methods::Method,
+        other_backends,
         ours::{Choice, Ours},
         roster,
     },
@@ -59,6 +60,10 @@ pub struct Eval {
     /// row that uses no depth, the same folder again).
     #[arg(long, value_name = "ROW[:NAME]=DIR", value_parser = answers, requires = "depth_noise")]
     noisy_answers: Vec<RowFolder>,
+    /// An earlier report of the same captures, made with another backend: its rows of networks join the
+    /// chart of speed and accuracy.
+    #[arg(long, value_name = "REPORT", requires = "report")]
+    beside: Option<PathBuf>,
     /// Leave out the rows of networks, which take seconds per light where tract runs them.
     #[arg(long)]
     no_networks: bool,
@@ -113,6 +118,9 @@ impl Eval {
             progress.reach(now.done);
         })?;
         report.made.command = self.command();
+        if let Some(other) = &self.beside {
+            report.other_backends = other_backends(other, &report)?;
+        }
         if let Some(folder) = folder {
             progress.doing("writing");
             folder.write(&report)?;

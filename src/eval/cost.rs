@@ -9,6 +9,8 @@ pub struct Cost {
     pub median_ms: f64,
     /// 19 of 20 runs took no longer.
     pub p95_ms: f64,
+    /// All runs together, divided by their number.
+    pub mean_ms: f64,
     /// Runs measured.
     pub runs: usize,
 }
@@ -19,9 +21,11 @@ impl Cost {
         let runs = runs_ms.len();
         let median_ms = percentile(&mut runs_ms, 0.5)?;
         let p95_ms = percentile(&mut runs_ms, 0.95)?;
+        let mean_ms = runs_ms.iter().sum::<f64>() / runs as f64;
         Some(Self {
             median_ms,
             p95_ms,
+            mean_ms,
             runs,
         })
     }

@@ -195,19 +195,17 @@ pub fn evaluate(
             before += states_of_one as f32;
         }
     }
-    let rows = roster.rows().iter().map(|row| RowSummary {
-        row: row.number,
-        label: row.label.clone(),
-        name: row.name.clone(),
-        figures: RowFigures::of(row, &clean),
-        noisy: options.noisy.map(|_| RowFigures::of(row, &noisy)),
+    let rows = roster.rows().iter().map(|row| {
+        let with_noise = options.noisy.map(|_| RowFigures::of(row, &noisy));
+        RowSummary::of(row, RowFigures::of(row, &clean), with_noise)
     });
     Ok(Report {
-        format: 3,
+        format: 4,
         protocol: PROTOCOL.iter().map(|line| (*line).to_owned()).collect(),
         made: Made::now(),
         machine: machine(),
         rows: rows.collect(),
+        other_backends: Vec::new(),
         captures: clean,
         noisy: options.noisy.map(|NoisyDepth { noise, seed }| NoisyReport {
             noise,

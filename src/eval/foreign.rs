@@ -4,7 +4,7 @@ use super::methods::{
     Answer, AnswerTime, DepthGiven, Method, MethodError, Study, Subject, SurfaceAnswer,
 };
 use crate::folder::Answers;
-use crate::relight::Lamp;
+use crate::relight::{Lamp, networks::NetworkRecord};
 use drivers::Plane;
 use glam::Vec3;
 use std::{borrow::Cow, path::PathBuf};
@@ -29,6 +29,10 @@ impl Method for ForeignRow {
 
     fn name(&self) -> &str {
         &self.name
+    }
+
+    fn networks(&self) -> Option<Vec<NetworkRecord>> {
+        None
     }
 
     fn study<'a>(&'a self, subject: Subject<'a>) -> Result<Box<dyn Study + 'a>, MethodError> {

@@ -4,7 +4,7 @@ use super::methods::{Answer, AnswerTime, Method, MethodError, Study, Subject, Su
 use super::roster::{PAPER_CLEAN, PAPER_ENV, PAPER_NOISY, SIPS};
 use crate::radiometry::{LinearImage, linearise};
 use crate::relight::networks::{
-    Decomposed, Feed, Network, NetworkError, Paper, Variant, resampled,
+    Decomposed, Feed, Network, NetworkError, NetworkRecord, Paper, Variant, resampled,
 };
 use crate::relight::{Lamp, Relit, enlarge::Mix};
 use drivers::Plane;
@@ -29,6 +29,10 @@ impl Method for ThreeNetworks {
             Variant::Clean => PAPER_CLEAN,
             Variant::Noisy => PAPER_NOISY,
         }
+    }
+
+    fn networks(&self) -> Option<Vec<NetworkRecord>> {
+        Some(self.0.records().into())
     }
 
     fn study<'a>(&'a self, subject: Subject<'a>) -> Result<Box<dyn Study + 'a>, MethodError> {
@@ -56,6 +60,10 @@ impl Method for WithRoomLight {
 
     fn name(&self) -> &str {
         PAPER_ENV
+    }
+
+    fn networks(&self) -> Option<Vec<NetworkRecord>> {
+        Some(vec![self.0.record()])
     }
 
     fn study<'a>(&'a self, subject: Subject<'a>) -> Result<Box<dyn Study + 'a>, MethodError> {
@@ -88,6 +96,10 @@ impl Method for WithoutDepth {
 
     fn name(&self) -> &str {
         SIPS
+    }
+
+    fn networks(&self) -> Option<Vec<NetworkRecord>> {
+        Some(vec![self.0.record()])
     }
 
     fn study<'a>(&'a self, subject: Subject<'a>) -> Result<Box<dyn Study + 'a>, MethodError> {

@@ -4,7 +4,7 @@ use super::ours::Chosen;
 use crate::develop::Development;
 use crate::folder::{Capture, FolderError};
 use crate::radiometry::photograph;
-use crate::relight::{Lamp, RelightOptions};
+use crate::relight::{Lamp, RelightOptions, networks::NetworkRecord};
 use drivers::Plane;
 use glam::Vec3;
 use serde::Serialize;
@@ -46,6 +46,11 @@ pub trait Method {
     /// True when its light is never absolute, so that the best global scale is always its due.
     fn scale_is_free(&self) -> bool {
         false
+    }
+
+    /// The networks that it may ask; `None` where nobody knows.
+    fn networks(&self) -> Option<Vec<NetworkRecord>> {
+        Some(Vec::new())
     }
 
     /// Everything that is done once per capture, before any lamp is known.

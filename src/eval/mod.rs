@@ -2,6 +2,7 @@
 
 mod auroc;
 mod bench;
+mod beside;
 mod capture_run;
 pub mod charts;
 mod cost;
@@ -36,6 +37,7 @@ mod surface_error;
 mod table;
 
 pub use auroc::auroc;
+pub use beside::{BesideError, OtherBackend, other_backends};
 pub use cost::Cost;
 pub use evaluation::{EvalError, EvalOptions, NoisyDepth, Progress, evaluate};
 pub use foreign::ForeignRow;

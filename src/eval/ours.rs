@@ -6,7 +6,10 @@ use super::methods::{
 use super::roster::{OURS_AUTO, OURS_BIC, OURS_EVERYTHING, OURS_ONE_STANDARD_ERROR};
 use crate::develop;
 use crate::parsimony::{CostModel, Criterion, Glance, Model, Plan, Rule, Terms, Workload};
-use crate::relight::{Lamp, networks::Network};
+use crate::relight::{
+    Lamp,
+    networks::{Network, NetworkRecord},
+};
 use serde::{Deserialize, Serialize};
 use std::rc::Rc;
 use std::time::Instant;
@@ -79,6 +82,15 @@ impl Method for Ours {
 
     fn name(&self) -> &str {
         self.choice.name()
+    }
+
+    fn networks(&self) -> Option<Vec<NetworkRecord>> {
+        Some(
+            self.network
+                .iter()
+                .map(|network| network.record())
+                .collect(),
+        )
     }
 
     fn study<'a>(&'a self, subject: Subject<'a>) -> Result<Box<dyn Study + 'a>, MethodError> {

@@ -1,5 +1,6 @@
 //! What an evaluation found: one report over captures, rows (methods) and lights.
 
+use super::beside::OtherBackend;
 use super::cost::Cost;
 use super::light_error::{Decibel, LightError};
 use super::made::Made;
@@ -30,6 +31,8 @@ pub struct Report {
     pub noisy: Option<NoisyReport>,
     /// The rows of every table, those that are missing too, averaged over captures.
     pub rows: Vec<RowSummary>,
+    /// Rows of networks as another backend ran them, from a report beside this one.
+    pub other_backends: Vec<OtherBackend>,
     /// What captures made worse cost each row, where that was asked for.
     pub stability: Option<StabilityReport>,
     /// What the reference method's authors printed, of other data.

@@ -15,6 +15,10 @@ pub struct RowSummary {
     pub label: String,
     /// Its name.
     pub name: String,
+    /// Numbers that training set, of all networks that it may ask; `None` where nobody knows.
+    pub parameters: Option<u64>,
+    /// What runs its networks, where it has any.
+    pub backend: Option<String>,
     /// Its figures, or why there are none.
     #[serde(flatten)]
     pub figures: RowFigures,
@@ -71,6 +75,26 @@ pub struct SurfaceMeans {
     pub normal_signed_mse: Option<f64>,
     pub normal_mean_degrees: Option<f64>,
     pub roughness_mse: Option<f64>,
+}
+
+impl RowSummary {
+    pub(super) fn of(row: &Row, figures: RowFigures, noisy: Option<RowFigures>) -> Self {
+        let networks = row
+            .method
+            .as_ref()
+            .ok()
+            .and_then(|method| method.networks());
+        let networks = networks.as_deref();
+        Self {
+            row: row.number,
+            label: row.label.clone(),
+            name: row.name.clone(),
+            parameters: networks.map(|all| all.iter().map(|one| one.parameters).sum()),
+            backend: networks.and_then(|all| Some(all.first()?.backend.clone())),
+            figures,
+            noisy,
+        }
+    }
 }
 
 impl RowFigures {

@@ -1,6 +1,7 @@
 //! Speed against accuracy: milliseconds per relit picture against PSNR, one point per row.
 
 use super::canvas::{Canvas, Chart, Drawn, FAINT, HAIR, HPos, INK, VPos, heading, row_color, text};
+use crate::eval::beside::OtherBackend;
 use crate::eval::report::Report;
 use crate::eval::summary::{RowFigures, RowSummary};
 use plotters::prelude::*;
@@ -8,12 +9,18 @@ use plotters::prelude::*;
 const WIDTH: i32 = 1180;
 /// At least; more rows make it higher.
 const HEIGHT: i32 = 640;
+/// Radius of a dot without parameters, pixels.
+const LEAST_RADIUS: f64 = 6.0;
+/// Parameters that make a dot twice as large.
+const TWICE: f64 = 6e6;
 /// Height of a row's two lines in the legend.
 const ENTRY: i32 = 46;
 /// Lines of the legend below the rows.
-const MARKS: [&str; 4] = [
+const MARKS: [&str; 6] = [
     "dot: mean over lights and captures; full: clean",
-    "depth, hollow: noisy depth",
+    "depth, hollow: noisy depth; its area beyond the",
+    "smallest: parameters of its networks (one of",
+    "6 million has twice the smallest's)",
     "whisker: down to the worst direction of the light",
     "grey line: Pareto front of clean depth",
 ];
@@ -32,6 +39,18 @@ struct Point {
     milliseconds: f64,
     mean_db: f64,
     worst_db: f64,
+    /// Of all its networks.
+    parameters: u64,
+    /// What is written beside it.
+    words: String,
+}
+
+impl Point {
+    /// Its area grows with its parameters.
+    fn radius(&self) -> i32 {
+        let area = 1.0 + self.parameters as f64 / TWICE;
+        (LEAST_RADIUS * area.sqrt()).round() as i32
+    }
 }
 
 impl<'a> SpeedAccuracy<'a> {
@@ -40,7 +59,8 @@ impl<'a> SpeedAccuracy<'a> {
         let clean = clean.filter_map(|row| point(row, Some(&row.figures), false));
         let noisy = report.rows.iter();
         let noisy = noisy.filter_map(|row| point(row, row.noisy.as_ref(), true));
-        let points = clean.chain(noisy).collect();
+        let others = report.other_backends.iter().filter_map(other_point);
+        let points = clean.chain(noisy).chain(others).collect();
         Self { report, points }
     }
 
@@ -150,23 +170,24 @@ impl<'a> SpeedAccuracy<'a> {
                 vec![(at - 7, worst), (at + 7, worst)],
                 color.stroke_width(2),
             ))?;
+            let radius = point.radius();
             if point.noisy {
-                area.draw(&Circle::new((at, mean), 9, WHITE.filled()))?;
-                area.draw(&Circle::new((at, mean), 9, color.stroke_width(3)))?;
+                area.draw(&Circle::new((at, mean), radius, WHITE.filled()))?;
+                area.draw(&Circle::new((at, mean), radius, color.stroke_width(3)))?;
             } else {
-                area.draw(&Circle::new((at, mean), 9, color.filled()))?;
+                area.draw(&Circle::new((at, mean), radius, color.filled()))?;
             }
             // A number beside another dot would be read as that dot's: then it goes to the left.
             let crowded = self.points.iter().any(|other| {
                 let gap = x(other.milliseconds) - at;
-                (&other.label, other.noisy) != (&point.label, point.noisy)
+                (&other.words, other.noisy) != (&point.words, point.noisy)
                     && (0..40).contains(&gap)
                     && (y(other.mean_db) - mean).abs() < 30
             });
             let (side, offset) = if crowded {
-                (HPos::Right, -12)
+                (HPos::Right, -radius - 3)
             } else {
-                (HPos::Left, 12)
+                (HPos::Left, radius + 3)
             };
             let label = text(9, INK, side, VPos::Bottom);
             let mut place = (at + offset, mean - 4);
@@ -181,7 +202,7 @@ impl<'a> SpeedAccuracy<'a> {
                 place.1 -= 17;
             }
             labels.push(place);
-            area.draw_text(&point.label, &label, place)?;
+            area.draw_text(&point.words, &label, place)?;
         }
         Ok(())
     }
@@ -262,7 +283,11 @@ fn detail(summary: &RowSummary) -> String {
         .relight_ms
         .map_or("time unknown".to_owned(), |time| format!("{time:.2} ms"));
     let mean = mean.linear_psnr_db;
-    format!("{time}, mean {mean} dB, worst light {worst} dB")
+    let networks = match (&summary.backend, summary.parameters) {
+        (Some(_), Some(parameters)) => format!(", {:.1} M parameters", parameters as f64 / 1e6),
+        _ => String::new(),
+    };
+    format!("{time}, mean {mean} dB, worst light {worst} dB{networks}")
 }
 
 fn point(summary: &RowSummary, figures: Option<&RowFigures>, noisy: bool) -> Option<Point> {
@@ -273,8 +298,32 @@ fn point(summary: &RowSummary, figures: Option<&RowFigures>, noisy: bool) -> Opt
         milliseconds: figures.relight_ms?,
         mean_db: figures.mean?.linear_psnr_db.0,
         worst_db: figures.worst_direction?.linear_psnr_db.0,
+        parameters: summary.parameters.unwrap_or(0),
+        words: summary.label.clone(),
     };
-    let drawable =
-        point.milliseconds > 0.0 && point.mean_db.is_finite() && point.worst_db.is_finite();
-    drawable.then_some(point)
+    drawable(point)
+}
+
+/// A row as another backend ran it.
+fn other_point(other: &OtherBackend) -> Option<Point> {
+    let name = other.backend.split(&[',', ':', '(']).next();
+    drawable(Point {
+        label: other.label.clone(),
+        noisy: false,
+        milliseconds: other.relight_ms,
+        mean_db: other.mean_db.0,
+        worst_db: other.worst_db.0,
+        parameters: other.parameters,
+        words: format!("{} {}", other.label, name.unwrap_or_default().trim()),
+    })
+}
+
+fn drawable(point: Point) -> Option<Point> {
+    let Point {
+        milliseconds,
+        mean_db,
+        worst_db,
+        ..
+    } = point;
+    (milliseconds > 0.0 && mean_db.is_finite() && worst_db.is_finite()).then_some(point)
 }

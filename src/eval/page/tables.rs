@@ -201,13 +201,18 @@ pub(super) fn captures(report: &Report) -> Sheet {
 pub(super) fn savings(savings: &Savings) -> Sheet {
     let mut columns = vec!["capture".to_owned(), "terms used, 0 to 8".to_owned()];
     columns.extend(TERMS.map(|(name, _)| name.to_owned()));
-    columns.extend(["time saved %".to_owned(), "PSNR lost dB".to_owned()]);
+    columns.extend([
+        "time saved %".to_owned(),
+        "with 4 lights %".to_owned(),
+        "PSNR lost dB".to_owned(),
+    ]);
     let rows = savings.captures.iter().map(|saving| {
         let mut cells = vec![Cell::text(&saving.capture), Cell::count(saving.terms())];
         for ((_, words), level) in TERMS.iter().zip(saving.levels) {
             cells.push(Cell::text(words[usize::from(level)]));
         }
         cells.push(Cell::Number(saving.saved_percent, 0));
+        cells.push(Cell::Number(saving.saved_with_few_percent, 0));
         cells.push(Cell::Number(saving.lost_db, 2));
         cells
     });
