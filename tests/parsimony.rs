@@ -5,7 +5,7 @@ use captured::{
     corruption::Corruption,
     develop::Options,
     parsimony::{
-        CostModel, Criterion, Geometry, Glance, Plan, Shadow, Terms, Workload, cost::Line,
+        CostModel, Criterion, Geometry, Glance, Model, Plan, Shadow, Terms, Workload, cost::Line,
     },
     radiometry,
     scene::Material,
@@ -171,4 +171,30 @@ fn other_noise_leaves_the_choice_as_it_is() {
     };
     let desks: Vec<Terms> = (0..20).map(noisier).collect();
     assert!(agree(&desks) >= 19, "{desks:?}");
+}
+
+#[test]
+fn what_lies_beyond_the_depth_cameras_range_comes_back_to_where_it_is() {
+    let clean = board(1);
+    let wrapped = Corruption::named("phase-wrap").unwrap();
+    let wrapped = wrapped.on_shot(&clean, 3, 1).unwrap();
+    let base = Options::default();
+    let work = Workload {
+        pixels: clean.depth.metres.len(),
+        working_pixels: base.working_pixels,
+        lamps: 1,
+    };
+    // Share of the pixels whose depth is within two percent of the board's.
+    let right = |careful: bool| {
+        let light = radiometry::subtract(&wrapped.flash, &wrapped.ambient, &base.subtract).unwrap();
+        let build = if careful { Model::careful } else { Model::new };
+        let (plan, glance) = (Plan::closed(work), Glance::nothing_known());
+        let model = build(&wrapped, light, &plan, &glance, &base, &mut |_| ()).unwrap();
+        let found = model.development.scene.depth_metres.samples().iter();
+        let near = found.zip(clean.depth.metres.samples());
+        let near = near.filter(|(found, true_depth)| (*found / *true_depth - 1.0).abs() < 0.02);
+        near.count() as f32 / clean.depth.metres.len() as f32
+    };
+    assert!(right(false) < 0.97, "{}", right(false));
+    assert!(right(true) > 0.99, "{}", right(true));
 }

@@ -4,7 +4,7 @@
 //! named by `CAPTURED_DATA`, else `../shared/data` beside the workspace, and skip without it.
 
 use captured::eval::report::{CaptureReport, RelitReport};
-use captured::eval::{EvalOptions, Ledger, Report, ReportFolder, Roster, evaluate};
+use captured::eval::{EvalOptions, Extent, Ledger, Report, ReportFolder, Roster, evaluate};
 use captured::folder;
 use captured::relight::RelightOptions;
 use std::path::PathBuf;
@@ -37,7 +37,7 @@ fn evaluated(name: &str) -> Option<Report> {
         std::fs::create_dir_all(&folder).expect("the charts' folder can be made");
         ReportFolder::begin(&folder.join(name))
             .expect("the report has a place")
-            .write(&report)
+            .write(&report, Extent::Everything)
             .expect("the report can be written");
     }
     Some(report)

@@ -9,7 +9,7 @@ use crate::{
     corruption::DepthNoise,
     costs,
     eval::{
-        EvalOptions, ForeignRow, Ledger, NoisyDepth, ReportFolder, Roster, evaluate,
+        EvalOptions, Extent, ForeignRow, Ledger, NoisyDepth, ReportFolder, Roster, evaluate,
         learned::{ThreeNetworks, WithRoomLight, WithoutDepth},
         methods::Method,
         other_backends,
@@ -64,6 +64,9 @@ pub struct Eval {
     /// chart of speed and accuracy.
     #[arg(long, value_name = "REPORT", requires = "report")]
     beside: Option<PathBuf>,
+    /// Write the page, its charts and tables alone, without the figures light by light.
+    #[arg(long, requires = "report")]
+    summary: bool,
     /// Leave out the rows of networks, which take seconds per light where tract runs them.
     #[arg(long)]
     no_networks: bool,
@@ -123,7 +126,11 @@ impl Eval {
         }
         if let Some(folder) = folder {
             progress.doing("writing");
-            folder.write(&report)?;
+            let extent = match self.summary {
+                true => Extent::Summary,
+                false => Extent::Everything,
+            };
+            folder.write(&report, extent)?;
         }
         let taken_over = ledger.taken_over();
         ledger.close();

@@ -46,7 +46,7 @@ pub use light_error::{Decibel, GridMismatch, LightError, ScaleFit, light_error};
 pub use made::Made;
 pub use regions::{Region, RegionError, band_pixels};
 pub use report::Report;
-pub use report_folder::{ReportError, ReportFolder};
+pub use report_folder::{Extent, ReportError, ReportFolder};
 pub use roster::Roster;
 pub use shadow_error::{ShadowError, ShadowTally};
 pub use stability::Spoiling;

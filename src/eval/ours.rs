@@ -67,7 +67,7 @@ pub struct Chosen {
     pub expected_change: Option<f32>,
     /// Whether depth that the photograph contradicts was left out.
     pub depth_left_out: bool,
-    /// Share of the photograph that answers were mixed with, [0, 0.8].
+    /// Share of the photograph that answers were mixed with, [0, 0.9].
     pub hedge: f32,
     /// Choosing, milliseconds.
     pub choosing_ms: f64,

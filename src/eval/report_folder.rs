@@ -17,6 +17,23 @@ pub enum ReportError {
     Commit(#[from] CommitError),
 }
 
+/// How much of a report is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Extent {
+    /// All of it.
+    #[default]
+    Everything,
+    /// The page, its charts and its tables: what is worth keeping for ever.
+    Summary,
+}
+
+impl Extent {
+    fn holds(self, name: &str) -> bool {
+        let detail = name.starts_with("hemisphere_") || name.starts_with("report.");
+        self == Self::Everything || !detail
+    }
+}
+
 /// A folder for a report that is still being measured; dropped, it leaves nothing behind.
 pub struct ReportFolder(Staging<'static>);
 
@@ -31,15 +48,17 @@ impl ReportFolder {
         Staging::begin(&Disk, folder, Existing::Replace, is_ours).map(Self)
     }
 
-    /// Writes `report` and every table as JSON and CSV, the charts, and the page that shows them, and
-    /// gives the folder its name.
+    /// Writes `report` and every table as JSON and CSV, the charts, and the page that shows them, as far
+    /// as `extent` goes, and gives the folder its name.
     ///
     /// # Errors
     /// [`ReportError`].
-    pub fn write(mut self, report: &Report) -> Result<(), ReportError> {
-        let charts = charts::draw(report)?;
-        let page = page::files(report, &charts);
-        let texts = table::texts(report)?;
+    pub fn write(mut self, report: &Report, extent: Extent) -> Result<(), ReportError> {
+        let mut charts = charts::draw(report)?;
+        charts.retain(|(name, _)| extent.holds(name));
+        let mut texts = table::texts(report)?;
+        texts.retain(|(name, _)| extent.holds(name));
+        let page = page::files(report, &charts, extent);
         for (name, bytes) in texts.iter().chain(&page).chain(&charts) {
             self.0.put(name, bytes)?;
         }

@@ -41,7 +41,7 @@ fn reports_and_charts_are_written_in_every_format() {
     let folder = tempfile::tempdir().unwrap();
     ReportFolder::begin(folder.path())
         .unwrap()
-        .write(&report)
+        .write(&report, Extent::Everything)
         .unwrap();
     let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
     let json: serde_json::Value = serde_json::from_slice(&read("report.json")).unwrap();
@@ -88,7 +88,7 @@ fn an_earlier_report_is_replaced_whole_and_anything_else_is_left_alone() {
     let folder = parent.path().join("report");
     ReportFolder::begin(&folder)
         .unwrap()
-        .write(&report)
+        .write(&report, Extent::Everything)
         .unwrap();
     std::fs::write(
         folder.join("hemisphere_gone.svg"),
@@ -97,7 +97,7 @@ fn an_earlier_report_is_replaced_whole_and_anything_else_is_left_alone() {
     .unwrap();
     ReportFolder::begin(&folder)
         .unwrap()
-        .write(&report)
+        .write(&report, Extent::Everything)
         .unwrap();
     assert!(!folder.join("hemisphere_gone.svg").exists());
 
@@ -153,4 +153,25 @@ fn a_dark_patch_on_a_surface_that_faces_the_lamp_is_cast_shadow() {
     let behind = fit.cast_shadow(&normal, Vec3::Z, &photographs[0].1);
     assert!(behind.samples().iter().all(|lit| lit.is_nan()));
     assert!(MatteFit::new(&normal, &photographs[..4], &counts).is_none());
+}
+
+#[test]
+fn every_file_that_a_page_names_is_there_however_much_is_kept() {
+    let report = empty_report();
+    for extent in [Extent::Everything, Extent::Summary] {
+        let parent = tempfile::tempdir().unwrap();
+        let folder = parent.path().join("report");
+        let begun = ReportFolder::begin(&folder).unwrap();
+        begun.write(&report, extent).unwrap();
+        let page = std::fs::read_to_string(folder.join("index.html")).unwrap();
+        let links: Vec<&str> = page.split("href=\"").skip(1).collect();
+        let files = links.iter().filter_map(|rest| rest.split('"').next());
+        let files: Vec<&str> = files.filter(|link| !link.starts_with('#')).collect();
+        assert!(files.len() > 10, "{files:?}");
+        for file in files {
+            assert!(folder.join(file).exists(), "{extent:?}: {file}");
+        }
+        let detailed = folder.join("report.json").exists();
+        assert_eq!(detailed, extent == Extent::Everything);
+    }
 }

@@ -19,9 +19,9 @@ use crate::{
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// Share of an expected correction that counts: the network errs where the sweep does. From what keeps
-/// the loss of leaving it out under a tenth of a decibel (rendered validation captures).
-const CORRECTED: f32 = 0.88;
+/// What an expected correction counts for: pictures that are nearly right lose more by what is left out.
+/// From what keeps the loss of leaving it out under a tenth of a decibel (rendered validation captures).
+pub(super) const CORRECTED: f32 = 1.1;
 
 /// Pixels of the small copy.
 pub(super) const PIXELS: usize = 4_096;
@@ -72,6 +72,9 @@ pub struct Glance {
     pub tolerance: f32,
     /// What leaving terms out changes.
     pub changes: Changes,
+    /// What a network is expected to correct under each of the probes, as [`Changes::shadow`]; empty where
+    /// nothing was looked at.
+    pub corrections: Vec<f32>,
     /// What the depth's samples say: plane, smooth, full.
     pub depth: Scores,
     /// What the photograph says: matte, one roughness, varying.
@@ -86,6 +89,7 @@ impl Glance {
     pub fn typical() -> Self {
         Self {
             tolerance: LEAST_CHANGE,
+            corrections: Vec::new(),
             changes: Changes {
                 geometry: [0.1, 0.02],
                 material: [0.04, 0.016],
@@ -103,6 +107,7 @@ impl Glance {
         let all = [f32::INFINITY; 2];
         Self {
             tolerance: 0.0,
+            corrections: Vec::new(),
             changes: Changes {
                 geometry: all,
                 material: all,
@@ -194,6 +199,9 @@ impl Glance {
             },
             one,
         ];
+        let corrections = corrections(&prepared, &reference, &lamps);
+        let squares: f32 = corrections.iter().map(|one| one * one).sum();
+        let corrected = (squares / corrections.len().max(1) as f32).sqrt();
         let blocked = prepared.mean_blocked();
         let even = prepared.evenly_blocked(blocked);
         let shine = scene.shine.clone().unwrap_or_default();
@@ -202,12 +210,10 @@ impl Glance {
             changes: Changes {
                 geometry,
                 material,
-                shadow: [
-                    changed(&pictures(&prepared, unshadowed)),
-                    correctable(&prepared, &reference, &lamps),
-                ],
+                shadow: [changed(&pictures(&prepared, unshadowed)), corrected],
                 indirect: [changed(&direct), changed(&pictures(&even, all))],
             },
+            corrections,
             depth,
             material: material_scores(&shine),
             blocked,
@@ -258,15 +264,15 @@ fn change(reference: &[Relit], relit: &[Relit]) -> f32 {
     (sum / f64::from(count.max(1))).sqrt() as f32
 }
 
-/// What a network is expected to correct, all probes together.
-fn correctable(prepared: &Prepared, reference: &[Relit], lamps: &[Lamp]) -> f32 {
+/// What a network is expected to correct, probe by probe.
+fn corrections(prepared: &Prepared, reference: &[Relit], lamps: &[Lamp]) -> Vec<f32> {
     let doubt = Doubt::of(prepared);
-    let squares = lamps.par_iter().zip(reference).map(|(lamp, reference)| {
+    let one = |(lamp, reference): (&Lamp, &Relit)| {
         let direct = prepared.relight(lamp, UNSHADOWED);
         let errors = doubt.swept_errors(lamp, &reference.shadow);
-        Doubt::correctable(&errors, &direct).powi(2)
-    });
-    CORRECTED * (squares.sum::<f32>() / lamps.len().max(1) as f32).sqrt()
+        CORRECTED * Doubt::correctable(&errors, &direct)
+    };
+    lamps.par_iter().zip(reference).map(one).collect()
 }
 
 /// What may change: the noise of a relit picture is as large a share of it as that of the photograph is.

@@ -1,7 +1,7 @@
 //! A shot modelled with chosen terms, ready for lamps.
 
 use super::{
-    fallback::{Hedge, hedge, hedged, without},
+    fallback::{self, SURE, hedged, unwrapped, without},
     glance::Glance,
     plan::Plan,
     terms::{Shadow, Terms},
@@ -21,6 +21,21 @@ use std::borrow::Cow;
 /// Rounds in which depth is left out: behind what goes, more may show.
 const MOST_ROUNDS: usize = 3;
 
+/// What distances beyond the camera's range are called.
+const PHASE_WRAP: &str = "phase-wrap";
+/// Share of that finding that may be left when they are brought back.
+const UNWRAPPED: f32 = 0.3;
+
+/// Share of the picture that may become unknown when depth is left out.
+const MOST_UNKNOWN: f32 = 0.2;
+
+/// Share of the working grid whose depth is unknown.
+fn unknown(development: &Development) -> f32 {
+    let metres = &development.scene.depth_metres;
+    let unknown = metres.samples().iter().filter(|metres| metres.is_nan());
+    unknown.count() as f32 / metres.len().max(1) as f32
+}
+
 /// A shot modelled with chosen terms.
 #[derive(Debug, Clone)]
 pub struct Model {
@@ -28,14 +43,14 @@ pub struct Model {
     pub development: Development,
     /// The terms.
     pub terms: Terms,
-    /// What leaving a network out may change, root mean square, linear light of white = 1.
-    pub tolerance: f32,
+    /// What a network has to correct under a lamp to be asked, root mean square, linear light of white = 1.
+    pub least_correction: f32,
     /// What the shot says about itself; only of a careful model.
     pub verdict: Option<Verdict>,
     /// Whether depth that the photograph contradicts was left out.
     pub depth_left_out: bool,
     /// The photograph and how answers lean on it, where they do.
-    leaning: Option<(LinearImage, Hedge)>,
+    leaning: Option<(LinearImage, f32)>,
     /// What a network needs to correct its shadows.
     correction: Option<(Doubt, Feed)>,
 }
@@ -66,12 +81,13 @@ impl Model {
             leaning: None,
             development,
             terms: plan.terms,
-            tolerance: glance.tolerance,
+            least_correction: plan.least_correction(glance),
             correction,
         })
     }
 
-    /// The same, but what the shot's own evidence says would do harm is left out: depth that the
+    /// The same, but what the shot's own evidence says would do harm is left out: distances beyond the
+    /// camera's range are brought back where that explains the light, depth that the
     /// photograph contradicts is filled from its surroundings, and where nothing is sure answers are
     /// mixed with the photograph.
     ///
@@ -87,17 +103,44 @@ impl Model {
     ) -> Result<Self, DevelopError> {
         let mut model = Self::new(shot, flash_only, plan, glance, base, begins)?;
         let mut verdict = judge(shot, &model.development);
+        let mut hedge = fallback::hedge(&verdict);
         let mut wrong = verdict.contradicted.take();
         let mut filled = Cow::Borrowed(shot);
+        let wraps = verdict.score(PHASE_WRAP);
+        if let Some(wrapped) = verdict.wrapped.take().filter(|_| wraps > SURE) {
+            let again = unwrapped(shot, &model.development, &wrapped);
+            let flash_only = model.development.flash_only.clone();
+            let other = Self::new(&again, flash_only, plan, glance, base, begins)?;
+            let found = judge(&again, &other.development);
+            // What was found of the shot as it came stays said; what follows from it does not.
+            if found.score(PHASE_WRAP) < UNWRAPPED * wraps {
+                hedge = fallback::hedge(&found);
+                verdict.confidence = found.confidence;
+                wrong = found.contradicted;
+                model = other;
+                filled = Cow::Owned(again);
+            }
+        }
+        let most_unknown = MOST_UNKNOWN + unknown(&model.development);
         for _ in 0..MOST_ROUNDS {
             let Some(pixels) = wrong else { break };
-            filled = Cow::Owned(without(&filled, &model.development, &pixels));
-            let flash_only = model.development.flash_only;
-            model = Self::new(&filled, flash_only, plan, glance, base, begins)?;
+            let without = without(&filled, &model.development, &pixels);
+            let flash_only = model.development.flash_only.clone();
+            let other = Self::new(&without, flash_only, plan, glance, base, begins)?;
+            // Holes that nothing around them fills answer less than wrong depth does.
+            if unknown(&other.development) > most_unknown {
+                break;
+            }
+            model = other;
+            filled = Cow::Owned(without);
             model.depth_left_out = true;
             wrong = contradicted(&filled, &model.development);
         }
-        if let Some(hedge) = hedge(&verdict) {
+        if model.depth_left_out {
+            // What was filled need not be doubted any more.
+            hedge = fallback::hedge(&judge(&filled, &model.development));
+        }
+        if let Some(hedge) = hedge {
             let flash_only = &model.development.flash_only;
             model.leaning = Some((photograph(flash_only, &shot.flash)?, hedge));
         }
@@ -105,9 +148,9 @@ impl Model {
         Ok(model)
     }
 
-    /// Share of the photograph that answers are mixed with, [0, 0.8].
+    /// Share of the photograph that answers are mixed with, [0, 0.9].
     pub fn hedge(&self) -> f32 {
-        self.leaning.as_ref().map_or(0.0, |(_, hedge)| hedge.share)
+        self.leaning.as_ref().map_or(0.0, |(_, share)| *share)
     }
 
     /// The photograph under a lamp, at its own size. Without a `network` swept shadows stay as they are.
@@ -122,13 +165,13 @@ impl Model {
         let prepared = &self.development.prepared;
         let relit = match (&self.correction, network) {
             (Some((doubt, feed)), Some(network)) => {
-                doubt.relight(prepared, lamp, network, feed, self.tolerance)?
+                doubt.relight(prepared, lamp, network, feed, self.least_correction)?
             }
             _ => prepared.relight(lamp, RelightOptions::default()),
         };
         let mut relit = self.development.finish(relit);
-        if let Some((photograph, hedge)) = &self.leaning {
-            hedged(&mut relit, photograph, *hedge);
+        if let Some((photograph, share)) = &self.leaning {
+            hedged(&mut relit, photograph, *share);
         }
         Ok(relit)
     }

@@ -2,7 +2,7 @@
 
 use super::{
     cost::{CostModel, Workload},
-    glance::Glance,
+    glance::{CORRECTED, Glance},
     rule::Rule,
     terms::{Bounced, Geometry, Shadow, Terms},
 };
@@ -11,6 +11,9 @@ use serde::{Deserialize, Serialize};
 
 /// Grids that a plan may use: so many times as coarse a side as the finest.
 const COARSER: [usize; 6] = [1, 2, 3, 4, 6, 8];
+
+/// Share of all time that the largest change must save to be worth it.
+const WORTH: f64 = 0.5;
 
 /// What decides that a term may go.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -61,7 +64,8 @@ impl Plan {
         }
     }
 
-    /// The cheapest plan whose pictures change no more than `glance` says can be seen.
+    /// The plan that is best worth its time among those whose pictures change no more than `glance` says
+    /// can be seen: what hardly saves anything is not left out.
     pub fn sufficient(
         glance: &Glance,
         criterion: Criterion,
@@ -84,7 +88,14 @@ impl Plan {
         plans(network, work)
             .map(|(terms, factor)| Self::of(terms, factor, glance, costs, work))
             .filter(|plan| plan.factor <= 2 * base_factor(work) && allowed(plan))
-            .min_by(|a, b| a.expected_ms.total_cmp(&b.expected_ms))
+            .map(|plan| {
+                let time = plan.expected_ms / everything.expected_ms.max(f64::MIN_POSITIVE);
+                let share = plan.change / glance.tolerance.max(f32::MIN_POSITIVE);
+                let change = f64::from(share.min(1.0));
+                (plan, time + WORTH * change * change)
+            })
+            .min_by(|a, b| a.1.total_cmp(&b.1))
+            .map(|(plan, _)| plan)
             .unwrap_or(everything)
     }
 
@@ -128,6 +139,22 @@ impl Plan {
             budget_ms,
             least_ms,
         })
+    }
+
+    /// What a network has to correct under a lamp to be asked (as `Doubt::correctable` has it): the least
+    /// corrections are left out as long as all together, with what else the plan leaves out, are not seen.
+    pub fn least_correction(&self, glance: &Glance) -> f32 {
+        if glance.corrections.is_empty() {
+            return glance.tolerance / CORRECTED;
+        }
+        let mut corrections = glance.corrections.clone();
+        corrections.sort_unstable_by(f32::total_cmp);
+        let mut left = glance.tolerance.powi(2) - self.change.powi(2);
+        let fits = corrections.iter().take_while(|correction| {
+            left -= correction.powi(2) / glance.corrections.len() as f32;
+            left >= 0.0
+        });
+        fits.last().map_or(0.0, |largest| largest / CORRECTED)
     }
 
     /// How a photograph of `pixels` is developed. `blocked` is the mean share of the hemisphere that
@@ -341,6 +368,23 @@ mod tests {
         };
         let plan = Plan::sufficient(&glance(several), Criterion::Visible, &costs(), WORK, true);
         assert!(plan.change <= 0.01 && plan.change > 0.008, "{plan:?}");
+    }
+
+    #[test]
+    fn a_network_is_asked_where_it_corrects_most_as_far_as_the_rest_is_not_seen() {
+        let mut looked = glance(Changes::default());
+        looked.corrections = [0.03, 0.004, 0.012, 0.008, 0.002, 0.05].to_vec();
+        let plan = Plan::sufficient(&looked, Criterion::Visible, &costs(), WORK, true);
+        // (0.002² + 0.004² + 0.008² + 0.012²) / 6 = 0.0062²; with 0.03² it would be 0.0137².
+        let least = plan.least_correction(&looked) * CORRECTED;
+        assert!((least - 0.012).abs() < 1e-6, "{least}");
+        let seen = Plan {
+            change: 0.009,
+            ..plan
+        };
+        // 0.01² − 0.009² leaves 0.0044².
+        let least = seen.least_correction(&looked) * CORRECTED;
+        assert!((least - 0.008).abs() < 1e-6, "{least}");
     }
 
     #[test]

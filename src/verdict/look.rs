@@ -84,6 +84,19 @@ impl<'a> Look<'a> {
         (red / blue).ln()
     }
 
+    /// Pixels of the working grid that belong to pixels of this grid of known depth that count.
+    pub fn on_working_grid(&self, counts: impl Fn((usize, usize)) -> bool) -> Plane<bool> {
+        let (columns, rows) = self.size();
+        let (width, height) = self.development.scene.depth_metres.size();
+        Plane::from_fn(width, height, |x, y| {
+            let at = (
+                (x / self.stride).min(columns - 1),
+                (y / self.stride).min(rows - 1),
+            );
+            !self.metres[at].is_nan() && counts(at)
+        })
+    }
+
     /// `(width, height)` of the grid.
     pub fn size(&self) -> (usize, usize) {
         self.light.size()

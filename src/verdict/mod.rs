@@ -19,9 +19,11 @@ mod steps;
 #[cfg(test)]
 mod tests;
 mod thin;
+mod wrapped;
 
 pub use contradicted::contradicted;
 pub use finding::Finding;
+pub use wrapped::Wrapped;
 
 use crate::{develop::Development, shot::Shot};
 use drivers::Plane;
@@ -39,9 +41,17 @@ pub struct Verdict {
     pub confidence: Plane<f32>,
     /// Pixels of the working grid whose depth the photograph contradicts; `None` without any.
     pub contradicted: Option<Plane<bool>>,
+    /// Depth that lies a range further away than it says; `None` without any.
+    pub wrapped: Option<Wrapped>,
 }
 
 impl Verdict {
+    /// How bad one failure mode is, as a share of what does harm; 0 of one that is not judged.
+    pub fn score(&self, mode: &str) -> f32 {
+        let found = self.findings.iter().find(|finding| finding.mode == mode);
+        found.map_or(0.0, |finding| finding.score)
+    }
+
     /// What is harmful, worst first.
     pub fn harmful(&self) -> Vec<&Finding> {
         let mut harmful: Vec<&Finding> = self.findings.iter().filter(|f| f.is_harmful()).collect();
@@ -85,5 +95,6 @@ pub fn judge(shot: &Shot, development: &Development) -> Verdict {
         findings,
         confidence,
         contradicted: contradicted::of(&look, &steps),
+        wrapped: wrapped::of(&look, &steps),
     }
 }

@@ -154,25 +154,16 @@ impl Steps {
 
     /// Distances beyond the depth camera's range: what is said to be near sends far too little light.
     pub fn phase_wrap(&self, look: &Look<'_>) -> Finding {
-        let pixels: Vec<(f32, f32)> = look
-            .light
-            .samples()
-            .iter()
-            .zip(look.metres.samples())
-            .step_by(EVERY)
-            .map(|(light, metres)| (light + 2.0 * metres.ln(), *metres))
-            .collect();
-        let bright = quantile(pixels.iter().map(|(sent, _)| *sent).collect(), 0.75);
-        let far = quantile(pixels.iter().map(|(_, metres)| *metres).collect(), 0.9);
-        let tells = look.development.scene.flash_lit;
-        let (Some(bright), Some(far), true) = (bright, far, tells) else {
+        let Some(sent) = Sent::of(look) else {
             return Finding::new("phase-wrap", 0.0, None, String::new);
         };
+        let pixels = look.light.samples().iter().zip(look.metres.samples());
+        let pixels = pixels.step_by(EVERY);
+        let asked = pixels.len();
         let contradicted = pixels
-            .iter()
-            .filter(|(sent, metres)| *sent < bright - DARKEST && *metres < NEARER * far)
+            .filter(|(light, metres)| sent.contradicts(**light, **metres))
             .count();
-        let share = contradicted as f32 / pixels.len().max(1) as f32;
+        let share = contradicted as f32 / asked.max(1) as f32;
         Finding::new("phase-wrap", share / HARMFUL_WRAPPED, Some(share), || {
             format!(
                 "{} of the picture sends too little light for the near depth it has: it lies beyond the depth camera's range; go nearer or choose a longer range",
@@ -195,6 +186,36 @@ impl Steps {
                 )
             },
         )
+    }
+}
+
+/// What surfaces send of the flash's light: near things that send far too little are not near.
+pub(super) struct Sent {
+    bright: f32,
+    far: f32,
+}
+
+impl Sent {
+    /// `None` where the light is not a flash's, or nothing is known.
+    pub fn of(look: &Look<'_>) -> Option<Self> {
+        let pixels = look.light.samples().iter().zip(look.metres.samples());
+        let pixels = || pixels.clone().step_by(EVERY);
+        let sent = pixels().map(|(light, metres)| Self::by(*light, *metres));
+        let found = Self {
+            bright: quantile(sent.collect(), 0.75)?,
+            far: quantile(pixels().map(|(_, metres)| *metres).collect(), 0.9)?,
+        };
+        look.development.scene.flash_lit.then_some(found)
+    }
+
+    /// By a surface at a depth, natural logarithm of light at one metre.
+    pub fn by(light: f32, metres: f32) -> f32 {
+        light + 2.0 * metres.ln()
+    }
+
+    /// Whether light speaks against so small a depth.
+    pub fn contradicts(&self, light: f32, metres: f32) -> bool {
+        Self::by(light, metres) < self.bright - DARKEST && metres < NEARER * self.far
     }
 }
 

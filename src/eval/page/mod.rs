@@ -6,6 +6,7 @@ mod stability_tables;
 mod tables;
 
 use super::report::Report;
+use super::report_folder::Extent;
 use super::savings::Savings;
 use super::stability::{COMPARED, StabilityReport};
 use super::summary::RowFigures;
@@ -20,8 +21,16 @@ const OPEN_CAPTURES: usize = 16;
 
 /// `index.html`, and every table of it as CSV and JSON: name and contents. `charts` are the files
 /// of the report's charts.
-pub(super) fn files(report: &Report, charts: &[(String, Vec<u8>)]) -> Vec<(String, Vec<u8>)> {
-    let page = Page { report, charts };
+pub(super) fn files(
+    report: &Report,
+    charts: &[(String, Vec<u8>)],
+    extent: Extent,
+) -> Vec<(String, Vec<u8>)> {
+    let page = Page {
+        report,
+        charts,
+        extent,
+    };
     let (body, sheets) = page.body();
     let title = escaped(&page.title());
     let html = format!(
@@ -49,6 +58,7 @@ pub(super) const TABLES: [&str; 8] = [
 struct Page<'a> {
     report: &'a Report,
     charts: &'a [(String, Vec<u8>)],
+    extent: Extent,
 }
 
 impl Page<'_> {
@@ -128,7 +138,11 @@ impl Page<'_> {
         for line in &report.protocol {
             text.push_str(&format!("<li>{}</li>\n", escaped(line)));
         }
-        text.push_str("</ul>\n<p>Everything measured, light by light: <a href=\"report.json\">report.json</a>, <a href=\"report.csv\">report.csv</a>.</p>\n");
+        text.push_str("</ul>\n");
+        text.push_str(match self.extent {
+            Extent::Everything => "<p>Everything measured, light by light: <a href=\"report.json\">report.json</a>, <a href=\"report.csv\">report.csv</a>.</p>\n",
+            Extent::Summary => "<p>Figures light by light are not kept; the command above makes them without <code>--summary</code>.</p>\n",
+        });
         (text, sheets)
     }
 

@@ -71,7 +71,7 @@ impl Doubt {
     }
 
     /// The scene under one lamp, its shadows corrected by what `network` says of `feed`; the network is
-    /// not asked where it is expected to correct less than `tolerance` ([`Self::correctable`]).
+    /// not asked where it is expected to correct no more than `least` ([`Self::correctable`]).
     ///
     /// # Errors
     /// [`NetworkError`] of the network.
@@ -81,12 +81,12 @@ impl Doubt {
         lamp: &Lamp,
         network: &dyn Network,
         feed: &Feed,
-        tolerance: f32,
+        least: f32,
     ) -> Result<Relit, NetworkError> {
         let mut relit = prepared.relight(lamp, RelightOptions::default());
         let direct = prepared.relight(lamp, UNSHADOWED);
         let errors = self.swept_errors(lamp, &relit.shadow);
-        if Self::correctable(&errors, &direct) <= tolerance {
+        if Self::correctable(&errors, &direct) <= least {
             return Ok(relit);
         }
         let cloud = seen_from(lamp.person_direction(), &feed.cloud);
