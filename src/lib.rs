@@ -24,5 +24,6 @@ pub mod config;
 pub mod api;
 pub mod darkroom;
 pub mod session;
+pub mod store;
 pub mod daemon;
 pub mod commands;

@@ -3,8 +3,8 @@
 use captured::{
     folder::{ImageKind, Limits, Samples, decode_limited},
     output::{
-        self, CommitError, Disk, Existing, FileSystem, Manifest, OutputError, Precision, RelitView,
-        Results, Staging, Tone, sheet::Panel,
+        self, CommitError, Disk, Existing, FileSystem, Manifest, NewFile, OutputError, Precision,
+        RelitView, Results, Staging, Tone, sheet::Panel,
     },
     radiometry::LinearImage,
     scene::{Material, Scene},
@@ -13,9 +13,9 @@ use drivers::{Distortion, Intrinsics, Plane};
 use glam::Vec3;
 use proptest::prelude::*;
 use std::{
-    cell::Cell,
-    io,
+    io::{self, Read},
     path::{Path, PathBuf},
+    sync::atomic::{AtomicUsize, Ordering},
 };
 
 fn decode(bytes: &[u8], size: (usize, usize)) -> captured::folder::Decoded {
@@ -362,14 +362,14 @@ fn a_place_that_cannot_be_written_is_named() {
 
 /// The real disk until `calls` is used up; then every write fails as a full disk does.
 struct FullAfter {
-    calls: Cell<usize>,
+    calls: AtomicUsize,
 }
 
 impl FullAfter {
     fn step(&self) -> io::Result<()> {
-        match self.calls.get().checked_sub(1) {
+        match self.calls.load(Ordering::Relaxed).checked_sub(1) {
             Some(left) => {
-                self.calls.set(left);
+                self.calls.store(left, Ordering::Relaxed);
                 Ok(())
             }
             None => Err(io::Error::from_raw_os_error(28)),
@@ -381,6 +381,21 @@ impl FileSystem for FullAfter {
     fn create_dir(&self, dir: &Path) -> io::Result<()> {
         self.step()?;
         Disk.create_dir(dir)
+    }
+    fn create_file<'a>(&'a self, file: &Path) -> io::Result<Box<dyn NewFile + 'a>> {
+        Disk.create_file(file)
+    }
+    fn open<'a>(&'a self, file: &Path) -> io::Result<(u64, Box<dyn Read + 'a>)> {
+        Disk.open(file)
+    }
+    fn sync_file(&self, file: &Path) -> io::Result<()> {
+        Disk.sync_file(file)
+    }
+    fn remove_file(&self, file: &Path) -> io::Result<()> {
+        Disk.remove_file(file)
+    }
+    fn free_bytes(&self, dir: &Path) -> io::Result<u64> {
+        Disk.free_bytes(dir)
     }
     fn write_new(&self, file: &Path, bytes: &[u8]) -> io::Result<()> {
         if let Err(full) = self.step() {
@@ -422,7 +437,7 @@ fn a_disk_that_fills_up_at_any_step_leaves_nothing_half_written() {
         let dir = tempfile::tempdir().unwrap();
         let out = dir.path().join("results");
         let disk = FullAfter {
-            calls: Cell::new(calls),
+            calls: AtomicUsize::new(calls),
         };
         match made.write(&out, Existing::Refuse, &disk) {
             Ok(_) => break,
@@ -456,7 +471,7 @@ fn a_replaced_folder_is_old_or_new_at_every_failing_step() {
         let out = dir.path().join("results");
         made.write(&out, Existing::Refuse, &Disk).unwrap();
         let disk = FullAfter {
-            calls: Cell::new(calls),
+            calls: AtomicUsize::new(calls),
         };
         let done = made.write(&out, Existing::Replace, &disk).is_ok();
         Manifest::verify(&out).unwrap();

@@ -27,7 +27,8 @@ pub struct Settings {
     /// Linear gain wanted; `None` = the device's own choice.
     pub gain: Option<f32>,
     /// Flash pattern: flash fires on every `flash_every`-th color frame; ≥ 2, so that brackets
-    /// ambient–flash–ambient exist.
+    /// ambient–flash–ambient exist. 0 = it never fires, for looking through the camera; a driver
+    /// that cannot keep it from firing refuses that.
     pub flash_every: u32,
 }
 

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 /// A map has millions of pixels, but each cell of the visibility map sees one light from it: so
 /// many are sent in a few kilobytes, and whoever develops the shot needs no rights in the map's
 /// folder.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EnvironmentLight {
     /// What it is called in the results; at most 100 characters.

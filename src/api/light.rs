@@ -7,7 +7,7 @@ use std::str::FromStr;
 use thiserror::Error;
 
 /// A distant light.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Light {
     /// Toward the light: x right, y up, z toward the camera; any length but zero.

@@ -5,19 +5,26 @@
 
 mod environment;
 mod light;
+mod status;
+mod view;
 
 pub use environment::EnvironmentLight;
 pub use light::{CheckedLights, Light, LightError};
+pub use status::{DeviceStatus, DevicesReply, Event, Phase, Role, StatusReply};
+pub use view::{Detail, Layer, PictureFormat, PreviewQuery, ViewRequest};
 
 use crate::{output::Manifest, relight::networks::Variant};
-use drivers::DeviceInfo;
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
+use utoipa::ToSchema;
 
 /// `POST /v1/shots`: take one shot, now.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, ToSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct ShotRequest {
+    /// Address of the device that takes it; `None` = the first that the daemon owns.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub device: Option<String>,
     /// Develop the shot and show it under `lights` and `environment`; false keeps the raw frames alone.
     pub relight: bool,
     /// Lights to show it under, in the order of the numbered results.
@@ -28,6 +35,7 @@ pub struct ShotRequest {
     /// What answers.
     pub tier: Tier,
     /// Which networks, where `tier` is `paper`.
+    #[schema(value_type = String)]
     pub variant: Variant,
     /// Longest time from the shot in memory to the relit pictures in memory, milliseconds, where
     /// `tier` is `auto`; `None` = as long as it takes.
@@ -36,7 +44,7 @@ pub struct ShotRequest {
 }
 
 /// What answers for surfaces, shadows and light.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Tier {
     /// The terms that the shot needs, and time allows.
@@ -62,7 +70,7 @@ impl FromStr for Tier {
 }
 
 /// What became of a shot that was asked for.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct ShotReply {
     /// Name of the shot in the daemon's store.
     pub id: String,
@@ -73,35 +81,61 @@ pub struct ShotReply {
     /// What lowers the trust in this answer, in words.
     pub warnings: Vec<String>,
     /// `shot.json`: time per stage, confidences and the BLAKE3 of every file.
+    #[schema(value_type = Object)]
     pub shot: Manifest,
 }
 
-/// `GET /v1/status`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct StatusReply {
-    /// Version of the daemon.
-    pub version: String,
-    /// The device it owns.
-    pub device: DeviceInfo,
-    /// True from before the camera streams until after it has stopped.
-    pub in_use: bool,
-    /// Shots committed since the daemon started.
-    pub shots: u64,
-    /// Requests that failed since the daemon started.
-    pub failures: u64,
-    /// Name of the newest shot.
-    pub latest: Option<String>,
+/// `POST /v1/shots/{id}/relight`: develop a kept shot once more and keep what comes of it as a new one.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, ToSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct RelightRequest {
+    /// Lights to show it under, in the order of the numbered results.
+    pub lights: Vec<Light>,
+    /// Light from all around, whose result comes last.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub environment: Option<EnvironmentLight>,
+    /// What answers.
+    pub tier: Tier,
+    /// Which networks, where `tier` is `paper`.
+    #[schema(value_type = String)]
+    pub variant: Variant,
+    /// As in [`ShotRequest`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub budget_ms: Option<f64>,
 }
 
-/// `GET /v1/devices`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct DevicesReply {
-    /// Everything a driver can open now.
-    pub devices: Vec<DeviceInfo>,
+/// One shot of `GET /v1/shots`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct ShotEntry {
+    /// Its name.
+    pub id: String,
+    /// When it was taken, milliseconds since 1970, UTC.
+    pub at_ms: u64,
+    /// The device or shot it came from.
+    pub source: String,
+    /// Pixels per row; 0 where it was salvaged.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// What the lights of its numbered results are called.
+    pub lights: Vec<String>,
+    /// What lowers the trust in it.
+    pub warnings: Vec<String>,
+    /// Every file of it.
+    pub files: Vec<String>,
+}
+
+/// `GET /v1/shots`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct ShotsReply {
+    /// How many are kept.
+    pub count: usize,
+    /// Newest first.
+    pub shots: Vec<ShotEntry>,
 }
 
 /// Which part could not do its work; the exit code of `capturectl` follows from it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FaultKind {
     /// A device broke a clause of the contract.
@@ -136,7 +170,7 @@ impl FaultKind {
 }
 
 /// The body of every answer that is not a success.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 pub struct Fault {
     /// Which part.
     pub kind: FaultKind,

@@ -1,88 +1,177 @@
-//! The daemon: opens its device, listens, and stops when it is told to.
+//! The daemon: listens, watches its configuration, and stops when it is told to.
 #![forbid(unsafe_code)]
 
 use captured::{
-    commands::{outlive_file_size_limit, read_config},
-    daemon::{bind, serve},
+    commands::{DaemonArguments, outlive_file_size_limit},
+    config::Config,
+    daemon::{Listeners, Signs, bind, serve},
 };
 use clap::Parser;
+use listenfd::ListenFd;
 use miette::{Context, IntoDiagnostic};
 use sd_notify::NotifyState;
-use std::path::PathBuf;
-use tokio::signal::unix::{SignalKind, signal};
+use std::{path::PathBuf, sync::Arc, time::Duration};
+use tokio::{
+    net::{TcpListener, UnixListener},
+    signal::unix::{SignalKind, signal},
+    sync::watch,
+};
+use tracing_subscriber::{EnvFilter, layer::SubscriberExt, util::SubscriberInitExt};
 
-/// Owns one capture device and serves shots over a Unix socket.
-#[derive(Debug, Parser)]
-#[command(name = "captured", version)]
-struct Arguments {
-    /// Configuration file [default: /etc/captured/captured.toml where there is one].
-    #[arg(long, value_name = "FILE")]
-    config: Option<PathBuf>,
-    /// Address of the device to own, instead of the configured one.
-    #[arg(long, value_name = "ADDRESS")]
-    device: Option<String>,
-    /// Socket to listen on, instead of the configured one.
-    #[arg(long, value_name = "PATH")]
-    socket: Option<PathBuf>,
-    /// Folder to keep shots in, instead of the configured one.
-    #[arg(long, value_name = "FOLDER")]
-    state: Option<PathBuf>,
-}
+/// Between two signs of life where the service manager asks for none.
+const USUAL_PERIOD: Duration = Duration::from_secs(5);
 
 fn main() -> miette::Result<()> {
-    tracing_subscriber::fmt()
-        .with_writer(std::io::stderr)
-        .init();
-    let arguments = Arguments::parse();
+    speak();
+    let arguments = DaemonArguments::parse();
     outlive_file_size_limit()
         .into_diagnostic()
         .wrap_err("signals cannot be handled")?;
-    let mut config = read_config(arguments.config.as_deref()).into_diagnostic()?;
-    if let Some(device) = arguments.device {
-        config.device = device;
-    }
-    config.socket = arguments.socket.or(config.socket);
-    config.state = arguments.state.or(config.state);
-
+    let config = arguments.configured().into_diagnostic()?;
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(2)
         .enable_all()
         .build()
         .into_diagnostic()
         .wrap_err("the runtime cannot start")?;
-    runtime.block_on(async {
-        let device = drivers::open::open(&config.device).into_diagnostic()?;
-        let socket = config.socket_path();
-        let listener = bind(&socket).await.into_diagnostic()?;
-        let mut terminate = signal(SignalKind::terminate()).into_diagnostic()?;
-        let mut interrupt = signal(SignalKind::interrupt()).into_diagnostic()?;
-        let stop = async {
-            tokio::select! {
-                _ = terminate.recv() => {}
-                _ = interrupt.recv() => {}
-            }
-            tracing::info!("stopping");
-            tell(NotifyState::Stopping);
-        };
-        let address = config.device.clone();
-        let ready = || {
-            tracing::info!("{address} on {}", socket.display());
-            tell(NotifyState::Ready);
-        };
-        let served = serve(config, device, listener, ready, stop)
-            .await
-            .into_diagnostic();
-        // Whoever comes next finds no daemon rather than a dead one.
-        if let Err(error) = std::fs::remove_file(&socket) {
-            tracing::warn!("{}: {error}", socket.display());
+    runtime.block_on(run(arguments, config))
+}
+
+async fn run(arguments: DaemonArguments, config: Config) -> miette::Result<()> {
+    let (listeners, own_socket) = listeners(&config).await?;
+    let mut terminate = signal(SignalKind::terminate()).into_diagnostic()?;
+    let mut interrupt = signal(SignalKind::interrupt()).into_diagnostic()?;
+    let stop = async {
+        tokio::select! {
+            _ = terminate.recv() => {}
+            _ = interrupt.recv() => {}
         }
-        served
-    })
+        tracing::info!("stopping");
+        tell(&[NotifyState::Stopping]);
+    };
+    let devices = config.devices.join(", ");
+    let (changed, current) = watch::channel(Arc::new(config));
+    let reloading = tokio::spawn(reload(arguments, changed));
+    // Half of what the manager waits, so that one sign may come late.
+    let period = sd_notify::watchdog_enabled().map_or(USUAL_PERIOD, |most| most / 2);
+    let mut ready = |page: Option<&str>| {
+        tracing::info!("{devices} ready");
+        if page.is_some() {
+            tracing::info!("viewer: `capturectl viewer` says its address");
+        }
+        tell(&[NotifyState::Ready]);
+    };
+    let signs = Signs {
+        ready: &mut ready,
+        alive: &mut || tell(&[NotifyState::Watchdog]),
+        period,
+    };
+    let served = serve(current, listeners, signs, stop)
+        .await
+        .into_diagnostic();
+    reloading.abort();
+    // Whoever comes next finds no daemon rather than a dead one.
+    if let Some(socket) = own_socket
+        && let Err(error) = std::fs::remove_file(&socket)
+    {
+        tracing::warn!("{}: {error}", socket.display());
+    }
+    served
+}
+
+/// The sockets that the service manager opened, else our own; and the path of our own.
+async fn listeners(config: &Config) -> miette::Result<(Listeners, Option<PathBuf>)> {
+    let mut given = ListenFd::from_env();
+    let mut socket = None;
+    let mut viewer = None;
+    for index in 0..given.len() {
+        if let Ok(Some(found)) = given.take_unix_listener(index) {
+            found.set_nonblocking(true).into_diagnostic()?;
+            socket = Some(UnixListener::from_std(found).into_diagnostic()?);
+        } else if let Ok(Some(found)) = given.take_tcp_listener(index) {
+            found.set_nonblocking(true).into_diagnostic()?;
+            viewer = Some(TcpListener::from_std(found).into_diagnostic()?);
+        }
+    }
+    let (socket, own) = match socket {
+        Some(socket) => (socket, None),
+        None => {
+            let path = config.socket_path();
+            (bind(&path).await.into_diagnostic()?, Some(path))
+        }
+    };
+    if viewer.is_none() && config.viewer.enabled {
+        let address = config.viewer.address;
+        let listener = TcpListener::bind(address).await.into_diagnostic();
+        viewer = Some(listener.wrap_err_with(|| {
+            format!("viewer.address {address} cannot be listened on; set another, or leave the viewer off")
+        })?);
+    }
+    Ok((Listeners { socket, viewer }, own))
+}
+
+/// Reads the configuration again at every SIGHUP; one that cannot be used changes nothing.
+async fn reload(arguments: DaemonArguments, changed: watch::Sender<Arc<Config>>) {
+    let Ok(mut hangup) = signal(SignalKind::hangup()) else {
+        tracing::error!("SIGHUP cannot be handled; a changed configuration takes a restart");
+        return;
+    };
+    while hangup.recv().await.is_some() {
+        tell(&[
+            NotifyState::Reloading,
+            NotifyState::monotonic_usec_now().unwrap_or(NotifyState::MonotonicUsec(0)),
+        ]);
+        match arguments.configured() {
+            Ok(config) => {
+                for key in takes_restart(&changed.borrow(), &config) {
+                    tracing::warn!("{key} has changed; that counts from the next start on");
+                }
+                changed.send_replace(Arc::new(config));
+                tracing::info!("configuration read again");
+            }
+            Err(error) => {
+                tracing::error!("the last good configuration stays: {error}");
+            }
+        }
+        tell(&[NotifyState::Ready]);
+    }
+}
+
+/// Keys that a running daemon does not change.
+fn takes_restart(old: &Config, new: &Config) -> Vec<&'static str> {
+    [
+        ("devices", old.devices != new.devices),
+        ("socket", old.socket != new.socket),
+        ("state", old.state != new.state),
+        ("viewer.address", old.viewer.address != new.viewer.address),
+        ("viewer.enabled", old.viewer.enabled != new.viewer.enabled),
+        ("limits.queue", old.limits.queue != new.limits.queue),
+        (
+            "limits.connections",
+            old.limits.connections != new.limits.connections,
+        ),
+    ]
+    .into_iter()
+    .filter_map(|(key, changed)| changed.then_some(key))
+    .collect()
+}
+
+/// To the journal with its fields where systemd runs us, else to standard error.
+fn speak() {
+    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
+    let all = tracing_subscriber::registry().with(filter);
+    let journal = std::env::var_os("JOURNAL_STREAM").and_then(|_| tracing_journald::layer().ok());
+    match journal {
+        Some(journal) => all.with(journal).init(),
+        None => all
+            .with(tracing_subscriber::fmt::layer().with_writer(std::io::stderr))
+            .init(),
+    }
 }
 
 /// Tells the service manager, where there is one.
-fn tell(state: NotifyState) {
-    if let Err(error) = sd_notify::notify(&[state]) {
+fn tell(states: &[NotifyState<'_>]) {
+    if let Err(error) = sd_notify::notify(states) {
         tracing::warn!("the service manager was not told: {error}");
     }
 }

@@ -1,8 +1,8 @@
 //! The other end of the daemon's socket.
 
-use crate::api::{Fault, FaultKind, ShotReply, ShotRequest, StatusReply};
+use crate::api::{Fault, FaultKind, ShotReply, ShotRequest, ShotsReply, StatusReply};
 use http_body_util::{BodyExt, Full, Limited};
-use hyper::{Method, Request, StatusCode, body::Bytes, client::conn::http1};
+use hyper::{Method, Request, body::Bytes, client::conn::http1};
 use hyper_util::rt::TokioIo;
 use serde::{Serialize, de::DeserializeOwned};
 use std::{
@@ -121,6 +121,45 @@ impl Client {
         )
     }
 
+    /// The newest shots that it keeps.
+    ///
+    /// # Errors
+    /// [`ClientError`].
+    pub fn shots(&self, limit: usize) -> Result<ShotsReply, ClientError> {
+        let address = format!("/v1/shots?limit={limit}");
+        self.json(Method::GET, &address, None::<&()>, Duration::from_secs(30))
+    }
+
+    /// Deletes a shot.
+    ///
+    /// # Errors
+    /// [`ClientError`].
+    pub fn delete(&self, id: &str) -> Result<(), ClientError> {
+        let address = format!("/v1/shots/{id}");
+        let patience = Duration::from_secs(30);
+        self.bytes(
+            Method::DELETE,
+            &address,
+            Bytes::new(),
+            LARGEST_REPLY,
+            patience,
+        )
+        .map(drop)
+    }
+
+    /// Where the viewer's page is.
+    ///
+    /// # Errors
+    /// [`ClientError`].
+    pub fn viewer(&self) -> Result<String, ClientError> {
+        self.json(
+            Method::GET,
+            "/v1/viewer",
+            None::<&()>,
+            Duration::from_secs(10),
+        )
+    }
+
     /// Asks for a shot and waits for it.
     ///
     /// # Errors
@@ -215,7 +254,7 @@ impl Client {
             .runtime
             .block_on(async { tokio::time::timeout(patience, exchange).await })
             .map_err(|_| self.strange(format!("no answer within {patience:?}")))??;
-        if status == StatusCode::OK {
+        if status.is_success() {
             return Ok(body);
         }
         let fault = serde_json::from_slice(&body)

@@ -12,6 +12,7 @@ use crate::{
     output::CommitError,
     radiometry::ResponseError,
     session::SessionError,
+    store::StoreError,
 };
 use drivers::DriverError;
 use std::path::PathBuf;
@@ -84,6 +85,8 @@ pub enum CommandError {
     #[error(transparent)]
     Session(#[from] SessionError),
     #[error(transparent)]
+    Store(#[from] StoreError),
+    #[error(transparent)]
     Client(#[from] ClientError),
 }
 
@@ -108,6 +111,7 @@ impl CommandError {
             Self::Costs(_) => FaultKind::Shot,
             Self::Device(error) => crate::session::kind_of(error),
             Self::Session(error) => return error.fault(),
+            Self::Store(error) => return error.fault(),
             Self::Client(error) => return error.fault(),
         };
         Fault {

@@ -10,8 +10,11 @@ mod client;
 mod contents;
 mod corrupt;
 mod corruption_sheet;
+mod daemon;
+mod daemon_arguments;
 mod error;
 mod eval;
+mod fsck;
 mod import;
 mod inference;
 mod info;
@@ -26,6 +29,7 @@ mod spoiling;
 
 pub use answer::Answer;
 pub use client::{Client, ClientError};
+pub use daemon_arguments::DaemonArguments;
 pub use error::CommandError;
 
 use crate::config::{Config, ConfigError};
@@ -68,6 +72,14 @@ pub struct CommandLine {
 /// What to do.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// Say how the daemon and its devices are.
+    Status,
+    /// List the shots that the daemon keeps, or delete some.
+    Shots(daemon::Shots),
+    /// Say the address of the daemon's page on which to look at shots.
+    Viewer,
+    /// Check that the shots that the daemon keeps are still what was written.
+    Fsck(fsck::Fsck),
     /// Take a shot now, with the daemon where one runs, else in this process.
     Shoot(shoot::Shoot),
     /// Show a capture folder or a recording under new light.
@@ -102,6 +114,10 @@ impl CommandLine {
     pub fn run(self) -> Result<Answer, CommandError> {
         let config = read_config(self.config.as_deref())?;
         match self.command {
+            Command::Status => daemon::status(&config),
+            Command::Shots(shots) => shots.run(&config),
+            Command::Viewer => daemon::viewer(&config),
+            Command::Fsck(fsck) => fsck.run(&config),
             Command::Shoot(shoot) => shoot.run(&config),
             Command::Relight(relight) => relight.run(&config),
             Command::Import(import) => import.run(),

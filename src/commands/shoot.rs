@@ -51,6 +51,7 @@ impl Shoot {
             budget,
         } = self.tier.asked()?;
         let mut request = ShotRequest {
+            device: self.device.clone(),
             relight: self.relight,
             lights: self.lights.read()?,
             environment: self.lights.read_environment()?,
@@ -103,7 +104,10 @@ impl Shoot {
             return Ok(None);
         };
         let wanted = match &self.device {
-            Some(device) => client.status()?.device.address == *device,
+            Some(wanted) => {
+                let mut devices = client.status()?.devices.into_iter();
+                devices.any(|owned| owned.address == *wanted || owned.device.address == *wanted)
+            }
             None => true,
         };
         Ok(wanted.then_some(client))
@@ -176,7 +180,8 @@ impl Shoot {
         } else {
             Answering::Closed
         };
-        let address = self.device.as_deref().unwrap_or(&config.device);
+        let configured = config.devices.first().map_or("", String::as_str);
+        let address = self.device.as_deref().unwrap_or(configured);
         let mut device = drivers::open::open(address)?;
         let progress = Progress::of_unknown("taking the shot");
         let taken = session::take(device.as_mut(), &config.capture)?;

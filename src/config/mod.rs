@@ -2,12 +2,13 @@
 //!
 //! `config/captured.toml` explains every key; a test holds that it says exactly the defaults here.
 
+mod sections;
+
+pub use sections::{Access, Capture, Limits, Shots, Viewer};
+
 use crate::inference::Settings;
 use serde::{Deserialize, Serialize};
-use std::{
-    path::{Path, PathBuf},
-    time::Duration,
-};
+use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 /// The largest file that is read as a configuration, bytes.
@@ -17,8 +18,9 @@ const LARGEST_FILE: u64 = 1 << 20;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
-    /// Address of the device, as `capturectl devices` lists them.
-    pub device: String,
+    /// Addresses of the devices, as `capturectl devices` lists them; the first is used where none is
+    /// asked for.
+    pub devices: Vec<String>,
     /// Where the daemon listens; `None` = `captured/captured.sock` in the run folder.
     pub socket: Option<PathBuf>,
     /// Folder in which the daemon keeps its shots; `None` = the state folder.
@@ -27,75 +29,28 @@ pub struct Config {
     pub capture: Capture,
     /// What one client may ask for.
     pub limits: Limits,
+    /// How long shots are kept, and how much room they may take.
+    pub shots: Shots,
+    /// Who may do what.
+    pub access: Access,
+    /// The page on which to look at shots.
+    pub viewer: Viewer,
     /// Networks, and what runs them.
     pub inference: Settings,
-}
-
-/// How a shot is taken.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Capture {
-    /// Exposure asked for, seconds in (0, 60]; `None` = the device's own choice.
-    pub exposure_seconds: Option<f32>,
-    /// Linear gain asked for, ≥ 1; `None` = the device's own choice.
-    pub gain: Option<f32>,
-    /// The flash fires on every such color frame; in 2..=16.
-    pub flash_every: u32,
-    /// Longest silence of the device, seconds in (0, 60].
-    pub patience_seconds: f64,
-    /// Longest wait for one whole shot, seconds in (0, 600].
-    pub deadline_seconds: f64,
-}
-
-/// What one client may ask for.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Limits {
-    /// Largest request body, bytes.
-    pub request_bytes: usize,
-    /// Longest time from a request's first byte to its answer, seconds in (0, 3600].
-    pub request_seconds: f64,
-    /// Shots waiting for the camera; one more is refused. In 1..=64.
-    pub queue: usize,
-    /// Lights in one request; in 1..=4096.
-    pub lights: usize,
-    /// Connections open at once; one more waits. In 1..=1024.
-    pub connections: usize,
 }
 
 impl Default for Config {
     fn default() -> Self {
         Self {
-            device: "synthetic:desk".to_owned(),
+            devices: vec!["synthetic:desk".to_owned()],
             socket: None,
             state: None,
             capture: Capture::default(),
             limits: Limits::default(),
+            shots: Shots::default(),
+            access: Access::default(),
+            viewer: Viewer::default(),
             inference: Settings::default(),
-        }
-    }
-}
-
-impl Default for Capture {
-    fn default() -> Self {
-        Self {
-            exposure_seconds: None,
-            gain: None,
-            flash_every: 3,
-            patience_seconds: 2.0,
-            deadline_seconds: 20.0,
-        }
-    }
-}
-
-impl Default for Limits {
-    fn default() -> Self {
-        Self {
-            request_bytes: 65_536,
-            request_seconds: 120.0,
-            queue: 4,
-            lights: 64,
-            connections: 32,
         }
     }
 }
@@ -113,9 +68,10 @@ pub enum ConfigError {
     TooLarge { path: PathBuf },
     #[error("{path}: {problem}")]
     Parse { path: PathBuf, problem: String },
-    #[error("{path}: {field} is {found}; it must be {allowed}")]
+    #[error("{path}, line {line}: {field} is {found}; it must be {allowed}")]
     Field {
         path: PathBuf,
+        line: usize,
         field: &'static str,
         found: String,
         allowed: &'static str,
@@ -149,26 +105,43 @@ impl Config {
             path: path.to_owned(),
             problem: problem.to_string().trim_end().to_owned(),
         })?;
-        config.check(path)?;
+        config.check(path, text)?;
         Ok(config)
     }
 
-    /// Checks every range.
-    fn check(&self, path: &Path) -> Result<(), ConfigError> {
+    /// Checks every range of what `text` says.
+    fn check(&self, path: &Path, text: &str) -> Result<(), ConfigError> {
         let Self {
-            device,
+            devices,
             socket: _,
             state: _,
             capture,
             limits,
+            shots,
+            access: _,
+            viewer,
             inference,
         } = self;
-        let rules: [(bool, &'static str, String, &'static str); 12] = [
+        let rules: [(bool, &'static str, String, &'static str); 17] = [
             (
-                !device.is_empty(),
-                "device",
-                format!("{device:?}"),
-                "the address of a device, such as synthetic:desk",
+                (1..=8).contains(&devices.len())
+                    && !devices.iter().any(String::is_empty)
+                    && (1..devices.len()).all(|at| !devices[..at].contains(&devices[at])),
+                "devices",
+                format!("{devices:?}"),
+                "one to eight addresses of different devices, such as [\"synthetic:desk\"]",
+            ),
+            (
+                viewer.address.ip().is_loopback(),
+                "viewer.address",
+                viewer.address.to_string(),
+                "a loopback address such as 127.0.0.1:8377; from elsewhere come through a tunnel",
+            ),
+            (
+                viewer.hosts.iter().all(|host| is_host(host)),
+                "viewer.hosts",
+                format!("{:?}", viewer.hosts),
+                "a list of name:port",
             ),
             (
                 capture
@@ -233,6 +206,24 @@ impl Config {
                 "from 1 to 1024",
             ),
             (
+                shots.quota_bytes.is_none_or(|bytes| bytes >= 1 << 20),
+                "shots.quota_bytes",
+                format!("{:?}", shots.quota_bytes),
+                "at least 1048576",
+            ),
+            (
+                shots.keep_free_bytes <= 1 << 50,
+                "shots.keep_free_bytes",
+                shots.keep_free_bytes.to_string(),
+                "at most 1125899906842624",
+            ),
+            (
+                shots.keep_newest.is_none_or(|count| count >= 1),
+                "shots.keep_newest",
+                format!("{:?}", shots.keep_newest),
+                "at least 1",
+            ),
+            (
                 inference.threads.is_none_or(|n| (1..=64).contains(&n)),
                 "inference.threads",
                 format!("{:?}", inference.threads),
@@ -243,6 +234,7 @@ impl Config {
             None => Ok(()),
             Some((_, field, found, allowed)) => Err(ConfigError::Field {
                 path: path.to_owned(),
+                line: line_of(text, field),
                 field,
                 found,
                 allowed,
@@ -288,32 +280,36 @@ impl Config {
     }
 }
 
-impl Capture {
-    /// What is asked of the device.
-    pub fn settings(&self) -> drivers::Settings {
-        drivers::Settings {
-            exposure_seconds: self.exposure_seconds,
-            gain: self.gain,
-            flash_every: self.flash_every,
+/// The line, from 1, on which a file gives `table.key` its value.
+fn line_of(text: &str, field: &str) -> usize {
+    let (table, key) = field.split_once('.').unwrap_or(("", field));
+    let mut inside = "";
+    for (number, line) in text.lines().enumerate() {
+        let line = line.trim();
+        if let Some(name) = line
+            .strip_prefix('[')
+            .and_then(|rest| rest.split(']').next())
+        {
+            inside = name.trim();
+        }
+        let value = line.strip_prefix(key).map(str::trim_start);
+        if inside == table && value.is_some_and(|rest| rest.starts_with('=')) {
+            return number + 1;
         }
     }
-
-    /// Longest silence of the device.
-    pub fn patience(&self) -> Duration {
-        Duration::from_secs_f64(self.patience_seconds)
-    }
-
-    /// Longest wait for one shot.
-    pub fn deadline(&self) -> Duration {
-        Duration::from_secs_f64(self.deadline_seconds)
-    }
+    1
 }
 
-impl Limits {
-    /// Longest time for one request.
-    pub fn request_time(&self) -> Duration {
-        Duration::from_secs_f64(self.request_seconds)
-    }
+/// True for `name:port` as it stands in a `Host` header.
+fn is_host(text: &str) -> bool {
+    let plain = |name: &str| {
+        !name.is_empty()
+            && name
+                .bytes()
+                .all(|b| b.is_ascii_alphanumeric() || b"-.[]:".contains(&b))
+    };
+    text.rsplit_once(':')
+        .is_some_and(|(name, port)| plain(name) && port.parse::<u16>().is_ok())
 }
 
 /// A folder named by an environment variable; relative and empty names are ignored, as the XDG
@@ -352,6 +348,7 @@ mod tests {
         let config = Config::parse(&examples, Path::new("examples")).unwrap();
         assert!(config.socket.is_some() && config.state.is_some());
         assert!(config.capture.exposure_seconds.is_some() && config.capture.gain.is_some());
+        assert!(config.shots.quota_bytes.is_some() && config.shots.keep_newest.is_some());
         assert!(config.inference.models.is_some() && config.inference.threads.is_some());
         let table = toml::Table::try_from(&config).unwrap();
         let written: toml::Table = toml::from_str(&examples).unwrap();
@@ -371,8 +368,13 @@ mod tests {
     fn wrong_values_and_unknown_keys_are_named() {
         struct Case(&'static str, &'static str);
         let cases = [
-            Case("devcie = 'x'", "devcie"),
-            Case("device = ''", "device"),
+            Case("device = 'x'", "device"),
+            Case("devices = []", "devices"),
+            Case("devices = ['']", "devices"),
+            Case("devices = ['a:', 'a:']", "devices"),
+            Case("[viewer]\naddress = '0.0.0.0:80'", "viewer.address"),
+            Case("[viewer]\nhosts = ['evil/../x']", "viewer.hosts"),
+            Case("[access]\nshooter_uids = [-1]", "shooter_uids"),
             Case("[capture]\nflash_every = 1", "capture.flash_every"),
             Case(
                 "[capture]\nexposure_seconds = nan",
@@ -391,14 +393,17 @@ mod tests {
             Case("[limits]\nrequest_bytes = -1", "request_bytes"),
             Case("[limits]\nlights = 1000000", "limits.lights"),
             Case("[inference]\nthreads = 0", "inference.threads"),
-            Case("device = ", "device"),
+            Case("[shots]\nquota_bytes = 5", "shots.quota_bytes"),
+            Case("[shots]\nkeep_newest = 0", "shots.keep_newest"),
+            Case("devices = ", "devices"),
         ];
         for Case(text, named) in cases {
             let message = Config::parse(text, Path::new("here.toml"))
                 .unwrap_err()
                 .to_string();
+            let line = format!("line {}", text.lines().count());
             assert!(
-                message.contains(named) && message.contains("here.toml"),
+                message.contains(named) && message.contains("here.toml") && message.contains(&line),
                 "{text}: {message}"
             );
         }

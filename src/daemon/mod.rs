@@ -1,82 +1,155 @@
-//! The daemon: owns one device and answers requests over a Unix socket.
+//! The daemon: owns devices and answers requests over a Unix socket, and over loopback TCP for the
+//! viewer's page where that is switched on.
 //!
-//! The camera streams, and its flash fires, only while a shot is being taken. One thread owns the
-//! device; requests reach it through a bounded queue. Nothing here decides what a picture looks
-//! like: that is [`crate::develop`]'s.
+//! A camera streams only while a shot is taken or somebody looks through it, and its flash fires only
+//! for a shot. Each device has a thread, and so has developing; requests reach them through bounded
+//! queues. Nothing here decides what a picture looks like: that is [`crate::develop`]'s.
 
-mod camera;
-mod router;
+mod access;
+mod counted;
+mod devices;
+mod light_table;
+mod metrics;
+mod networks;
+mod picture;
+mod preview;
+mod routes;
 mod server;
-mod store;
+mod shooting;
+mod viewer;
+mod worker;
 
-pub use camera::Camera;
 pub use server::{DaemonError, bind};
-pub use store::{Store, StoreError};
 
-use crate::config::Config;
-use drivers::Device;
-use std::sync::{
-    Arc, Mutex,
-    atomic::{AtomicU64, Ordering},
+use crate::{api::Event, config::Config, store::Store};
+use devices::Devices;
+use metrics::Metrics;
+use std::{
+    sync::{
+        Arc,
+        atomic::AtomicUsize,
+        mpsc::{SyncSender, sync_channel},
+    },
+    time::Duration,
 };
-use tokio::{net::UnixListener, sync::Semaphore};
+use tokio::{
+    net::{TcpListener, UnixListener},
+    sync::{Semaphore, broadcast, watch},
+};
+
+/// Shots that memory holds at once: one that is developed, one that is taken.
+const SHOTS_IN_MEMORY: usize = 2;
+/// Views that wait for the light table.
+const LOOKS: usize = 16;
+/// Events that a slow listener may be behind before it misses some.
+const EVENTS: usize = 64;
 
 /// What every request may look at.
 struct State {
-    config: Config,
-    camera: Camera,
+    config: watch::Receiver<Arc<Config>>,
+    devices: Devices,
     store: Store,
-    /// One shot is developed at a time, so that memory holds two shots at most: the one being
-    /// developed and the one being taken.
-    darkroom: Arc<Semaphore>,
-    shots: AtomicU64,
-    failures: AtomicU64,
-    latest: Mutex<Option<String>>,
+    metrics: Metrics,
+    events: broadcast::Sender<Event>,
+    latest: watch::Sender<Option<String>>,
+    places: Arc<Semaphore>,
+    waiting: Arc<AtomicUsize>,
+    commits: SyncSender<shooting::Commit>,
+    looks: SyncSender<light_table::Look>,
+    viewer: Option<viewer::Guard>,
 }
 
-impl State {
-    fn latest(&self) -> Option<String> {
-        self.latest
-            .lock()
-            .unwrap_or_else(std::sync::PoisonError::into_inner)
-            .clone()
-    }
-
-    fn count_shot(&self, id: &str) {
-        self.shots.fetch_add(1, Ordering::Relaxed);
-        *self
-            .latest
-            .lock()
-            .unwrap_or_else(std::sync::PoisonError::into_inner) = Some(id.to_owned());
-    }
+/// Where the daemon listens.
+pub struct Listeners {
+    /// For programs.
+    pub socket: UnixListener,
+    /// For the viewer's page; `None` where it is switched off.
+    pub viewer: Option<TcpListener>,
 }
 
-/// Serves `device` on `listener` until `stop` resolves, then lets open requests finish.
+/// What the daemon says to whoever started it.
+pub struct Signs<'a> {
+    /// Called once the first request can be answered; gets the address of the viewer's page.
+    pub ready: &'a mut dyn FnMut(Option<&str>),
+    /// Called while all is well, at least once a period.
+    pub alive: &'a mut dyn FnMut(),
+    /// The period.
+    pub period: Duration,
+}
+
+/// Serves the devices of a configuration until `stop` resolves, then lets open requests finish.
 ///
-/// `ready` is called once the first request can be answered.
+/// A new configuration that comes through `config` counts from the next request on; its devices,
+/// sockets and folders from the next start on.
 ///
 /// # Errors
-/// [`DaemonError`] when the store cannot be opened or the camera's thread cannot start.
+/// [`DaemonError`] when the store cannot be opened or a thread cannot start.
 pub async fn serve(
-    config: Config,
-    device: Box<dyn Device>,
-    listener: UnixListener,
-    ready: impl FnOnce(),
+    config: watch::Receiver<Arc<Config>>,
+    listeners: Listeners,
+    signs: Signs<'_>,
     stop: impl Future<Output = ()>,
 ) -> Result<(), DaemonError> {
-    let store = Store::open(&config.state_path())?;
-    let camera = Camera::start(device, &config)?;
+    let now = config.borrow().clone();
+    let (store, recovered) = Store::open(&now.state_path())?;
+    for found in recovered {
+        tracing::warn!("left by an earlier daemon: {found:?}");
+    }
+    store.retain(&now.shots)?;
+    let latest = store.ids()?.into_iter().next();
+    let events = broadcast::Sender::new(EVENTS);
+    let devices = Devices::start(&config, &events)?;
+    let (commits, waiting_commits) = sync_channel(SHOTS_IN_MEMORY);
+    let (looks, waiting_looks) = sync_channel(LOOKS);
+    let viewer = match &listeners.viewer {
+        Some(listener) => Some(viewer::Guard::new(
+            listener.local_addr().map_err(DaemonError::Viewer)?,
+        )?),
+        None => None,
+    };
     let state = Arc::new(State {
-        camera,
+        devices,
         store,
-        darkroom: Arc::new(Semaphore::new(1)),
-        shots: AtomicU64::new(0),
-        failures: AtomicU64::new(0),
-        latest: Mutex::new(None),
+        metrics: Metrics::new(),
+        events,
+        latest: watch::Sender::new(latest),
+        places: Arc::new(Semaphore::new(SHOTS_IN_MEMORY)),
+        waiting: Arc::default(),
+        commits,
+        looks,
+        viewer,
         config,
     });
-    let router = router::router(Arc::clone(&state));
-    ready();
-    server::serve(listener, router, &state.config.limits, stop).await;
+    // Neither thread keeps the state, whose end is theirs.
+    let developing = Arc::downgrade(&state);
+    start_thread("darkroom", move || {
+        shooting::develop(&developing, &waiting_commits);
+    })?;
+    start_thread("light table", move || light_table::run(&waiting_looks))?;
+    state.devices.opened().await;
+    let page = state.viewer.as_ref().map(viewer::Guard::page);
+    (signs.ready)(page.as_deref());
+    let watching = async {
+        let mut ticks = tokio::time::interval(signs.period);
+        loop {
+            ticks.tick().await;
+            // A device's thread that hangs is seen by the service manager, which starts all anew.
+            if state.devices.are_alive() {
+                (signs.alive)();
+            }
+        }
+    };
+    tokio::select! {
+        () = server::serve(&state, listeners, stop) => {}
+        () = watching => {}
+    }
     Ok(())
+}
+
+fn start_thread(name: &str, run: impl FnOnce() + Send + 'static) -> Result<(), DaemonError> {
+    std::thread::Builder::new()
+        .name(name.to_owned())
+        .spawn(run)
+        .map(drop)
+        .map_err(DaemonError::Thread)
 }

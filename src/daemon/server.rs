@@ -1,9 +1,9 @@
 //! The socket: who may connect, how long a connection may last, and the end of them all.
 
-use super::store::StoreError;
-use crate::config::Limits;
+use super::{Listeners, State, access::Caller, routes, viewer};
+use crate::store::StoreError;
 use axum::Router;
-use hyper::server::conn::http1;
+use hyper::{body::Incoming, server::conn::http1, service::Service as _};
 use hyper_util::{
     rt::{TokioIo, TokioTimer},
     service::TowerToHyperService,
@@ -17,7 +17,8 @@ use std::{
 };
 use thiserror::Error;
 use tokio::{
-    net::{UnixListener, UnixStream},
+    io::{AsyncRead, AsyncWrite},
+    net::{TcpListener, TcpStream, UnixListener, UnixStream},
     sync::{Semaphore, watch},
     task::JoinSet,
 };
@@ -44,8 +45,10 @@ pub enum DaemonError {
         path: PathBuf,
         source: std::io::Error,
     },
-    #[error("the camera's thread cannot start: {0}")]
+    #[error("a thread cannot start: {0}")]
     Thread(std::io::Error),
+    #[error("the viewer cannot be served: {0}; set viewer.address, or leave the viewer off")]
+    Viewer(std::io::Error),
     #[error(transparent)]
     Store(#[from] StoreError),
 }
@@ -82,42 +85,110 @@ pub async fn bind(path: &Path) -> Result<UnixListener, DaemonError> {
     Ok(listener)
 }
 
-/// Serves until `stop` resolves; then connections may finish what they are at.
+/// Serves until `stop` resolves; then connections may finish what they are at, and so may shots.
 pub(super) async fn serve(
-    listener: UnixListener,
-    router: Router,
-    limits: &Limits,
+    daemon: &Arc<State>,
+    Listeners { socket, viewer }: Listeners,
     stop: impl Future<Output = ()>,
 ) {
-    let places = Arc::new(Semaphore::new(limits.connections));
     let (leave, leaving) = watch::channel(false);
+    let api = routes::api(daemon);
+    let pages = viewer::pages(daemon, api.clone());
+    let programs = accept(daemon, Door::Socket(socket), api, leaving.clone());
+    let browsers = async {
+        if let Some(listener) = viewer {
+            accept(daemon, Door::Viewer(listener), pages, leaving).await;
+        }
+    };
+    let stopping = async {
+        stop.await;
+        // Receivers that are gone have finished already.
+        let _ = leave.send(true);
+    };
+    tokio::join!(programs, browsers, stopping);
+    let shots = daemon.places.acquire_many(super::SHOTS_IN_MEMORY as u32);
+    if tokio::time::timeout(FAREWELL, shots).await.is_err() {
+        tracing::warn!(
+            "stopped with a shot unfinished; what is whole of it is salvaged at the next start"
+        );
+    }
+}
+
+/// Where connections come in.
+enum Door {
+    Socket(UnixListener),
+    Viewer(TcpListener),
+}
+
+/// One connection and who is at its other end.
+enum Connected {
+    Socket(UnixStream, Caller),
+    Viewer(TcpStream),
+}
+
+impl Door {
+    async fn accept(&self) -> std::io::Result<Connected> {
+        match self {
+            Self::Socket(listener) => {
+                let (stream, _) = listener.accept().await?;
+                let caller = Caller::of(&stream)?;
+                Ok(Connected::Socket(stream, caller))
+            }
+            Self::Viewer(listener) => {
+                let (stream, _) = listener.accept().await?;
+                // Pictures of a dragged light should not wait for the next one.
+                stream.set_nodelay(true)?;
+                Ok(Connected::Viewer(stream))
+            }
+        }
+    }
+}
+
+/// Accepts until told to leave, then waits a while for the connections to end.
+async fn accept(
+    daemon: &Arc<State>,
+    door: Door,
+    router: Router,
+    mut leaving: watch::Receiver<bool>,
+) {
+    let most = daemon.config.borrow().limits.connections;
+    let places = Arc::new(Semaphore::new(most));
     let mut connections = JoinSet::new();
-    let mut stop = pin!(stop);
     loop {
         let accepted = async {
             // Closed only by dropping, which cannot happen while it is borrowed here.
             let place = Arc::clone(&places).acquire_owned().await;
-            (listener.accept().await, place)
+            (door.accept().await, place)
         };
-        let (stream, place) = tokio::select! {
-            () = &mut stop => break,
-            (Ok((stream, _)), Ok(place)) = accepted => (stream, place),
+        let told = leaving.clone();
+        let (connected, place) = tokio::select! {
+            _ = leaving.wait_for(|leaving| *leaving) => break,
+            (Ok(connected), Ok(place)) = accepted => (connected, place),
             // Out of file descriptors, most likely: give the open connections time to end.
             else => {
                 tokio::time::sleep(Duration::from_millis(100)).await;
                 continue;
             }
         };
-        let connection = connection(stream, router.clone(), limits, leaving.clone());
+        let lifetime = daemon.config.borrow().limits.request_time() * 2;
+        let open = daemon.metrics.connections.clone();
+        let router = router.clone();
         connections.spawn(async move {
-            connection.await;
+            open.inc();
+            match connected {
+                Connected::Socket(stream, caller) => {
+                    connection(stream, caller, router, lifetime, told).await;
+                }
+                Connected::Viewer(stream) => {
+                    connection(stream, Caller::Browser, router, lifetime, told).await;
+                }
+            }
+            open.dec();
             drop(place);
         });
         while connections.try_join_next().is_some() {}
     }
-    drop(listener);
-    // Receivers that are gone have finished already.
-    let _ = leave.send(true);
+    drop(door);
     let finished = async { while connections.join_next().await.is_some() {} };
     if tokio::time::timeout(FAREWELL, finished).await.is_err() {
         tracing::warn!("stopped with requests still open");
@@ -125,33 +196,35 @@ pub(super) async fn serve(
 }
 
 /// One connection from its first byte to its last.
-fn connection(
-    stream: UnixStream,
+async fn connection(
+    stream: impl AsyncRead + AsyncWrite + Unpin + Send + 'static,
+    caller: Caller,
     router: Router,
-    limits: &Limits,
+    lifetime: Duration,
     mut leaving: watch::Receiver<bool>,
-) -> impl Future<Output = ()> + use<> {
-    let lifetime = limits.request_time() * 2;
+) {
     let service = TowerToHyperService::new(router);
-    async move {
-        let mut server = http1::Builder::new();
-        server
-            .timer(TokioTimer::new())
-            .header_read_timeout(HEAD_TIME)
-            .max_buf_size(HEAD_BYTES);
-        let mut serving = pin!(server.serve_connection(TokioIo::new(stream), service));
-        let whole = async {
-            tokio::select! {
-                result = serving.as_mut() => return result,
-                _ = leaving.wait_for(|leaving| *leaving) => {}
-            }
-            serving.as_mut().graceful_shutdown();
-            serving.await
-        };
-        match tokio::time::timeout(lifetime, whole).await {
-            Ok(Ok(())) => {}
-            Ok(Err(error)) => tracing::debug!("connection ended: {error}"),
-            Err(_) => tracing::debug!("connection closed after {lifetime:?}"),
+    let service = hyper::service::service_fn(move |mut request: hyper::Request<Incoming>| {
+        request.extensions_mut().insert(caller.clone());
+        service.call(request)
+    });
+    let mut server = http1::Builder::new();
+    server
+        .timer(TokioTimer::new())
+        .header_read_timeout(HEAD_TIME)
+        .max_buf_size(HEAD_BYTES);
+    let mut serving = pin!(server.serve_connection(TokioIo::new(stream), service));
+    let whole = async {
+        tokio::select! {
+            result = serving.as_mut() => return result,
+            _ = leaving.wait_for(|leaving| *leaving) => {}
         }
+        serving.as_mut().graceful_shutdown();
+        serving.await
+    };
+    match tokio::time::timeout(lifetime, whole).await {
+        Ok(Ok(())) => {}
+        Ok(Err(error)) => tracing::debug!("connection ended: {error}"),
+        Err(_) => tracing::debug!("connection closed after {lifetime:?}"),
     }
 }

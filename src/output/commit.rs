@@ -1,129 +1,16 @@
 //! A folder appears whole or not at all: written under a hidden name, synced, renamed, synced.
 //!
 //! The file system stands behind [`FileSystem`], so that the same code runs on the real one and on
-//! ones that fail.
+//! ones that fail. While the folder is unfinished a journal in it says which of its files are whole,
+//! so that a process that was killed loses none of them (see [`crate::store`]).
 
+use super::file_system::{FileSystem, NewFile};
 use serde::{Deserialize, Serialize};
 use std::{
-    io,
+    io::{self, Write as _},
     path::{Path, PathBuf},
 };
 use thiserror::Error;
-
-/// What the commit asks of a file system.
-pub trait FileSystem {
-    /// Creates a folder; an error of kind `AlreadyExists` when the name is taken.
-    ///
-    /// # Errors
-    /// What the operating system says.
-    fn create_dir(&self, dir: &Path) -> io::Result<()>;
-
-    /// Creates a file that was not there, writes all of `bytes` and syncs it.
-    ///
-    /// # Errors
-    /// What the operating system says; a failed sync is final.
-    fn write_new(&self, file: &Path, bytes: &[u8]) -> io::Result<()>;
-
-    /// Syncs a folder's entries.
-    ///
-    /// # Errors
-    /// What the operating system says.
-    fn sync_dir(&self, dir: &Path) -> io::Result<()>;
-
-    /// Renames a folder or file to a name that is free; `AlreadyExists` when it is not.
-    ///
-    /// # Errors
-    /// What the operating system says.
-    fn rename_new(&self, from: &Path, to: &Path) -> io::Result<()>;
-
-    /// Renames a folder over an empty one.
-    ///
-    /// # Errors
-    /// What the operating system says; an error when `to` is not empty.
-    fn rename_over_empty(&self, from: &Path, to: &Path) -> io::Result<()>;
-
-    /// Exchanges two folders in one step.
-    ///
-    /// # Errors
-    /// What the operating system says.
-    fn exchange(&self, one: &Path, other: &Path) -> io::Result<()>;
-
-    /// Removes a folder and all in it.
-    ///
-    /// # Errors
-    /// What the operating system says.
-    fn remove(&self, dir: &Path) -> io::Result<()>;
-
-    /// File names in a folder; `None` when it does not exist.
-    ///
-    /// # Errors
-    /// What the operating system says, also for a name that is not a folder.
-    fn list(&self, dir: &Path) -> io::Result<Option<Vec<String>>>;
-}
-
-/// The real file system.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Disk;
-
-impl FileSystem for Disk {
-    fn create_dir(&self, dir: &Path) -> io::Result<()> {
-        std::fs::create_dir(dir)
-    }
-
-    fn write_new(&self, file: &Path, bytes: &[u8]) -> io::Result<()> {
-        use std::io::Write as _;
-        let mut file = std::fs::File::create_new(file)?;
-        file.write_all(bytes)?;
-        file.sync_all()
-    }
-
-    fn sync_dir(&self, dir: &Path) -> io::Result<()> {
-        std::fs::File::open(dir)?.sync_all()
-    }
-
-    fn rename_new(&self, from: &Path, to: &Path) -> io::Result<()> {
-        use rustix::{fs::RenameFlags, io::Errno};
-        let cwd = rustix::fs::CWD;
-        match rustix::fs::renameat_with(cwd, from, cwd, to, RenameFlags::NOREPLACE) {
-            // Not every file system knows the flag; claiming the name first is as exclusive.
-            Err(Errno::INVAL | Errno::NOSYS | Errno::OPNOTSUPP) => {
-                if from.is_dir() {
-                    std::fs::create_dir(to)?;
-                } else {
-                    std::fs::File::create_new(to)?;
-                }
-                std::fs::rename(from, to)
-            }
-            other => other.map_err(io::Error::from),
-        }
-    }
-
-    fn rename_over_empty(&self, from: &Path, to: &Path) -> io::Result<()> {
-        std::fs::rename(from, to)
-    }
-
-    fn exchange(&self, one: &Path, other: &Path) -> io::Result<()> {
-        let cwd = rustix::fs::CWD;
-        rustix::fs::renameat_with(cwd, one, cwd, other, rustix::fs::RenameFlags::EXCHANGE)
-            .map_err(io::Error::from)
-    }
-
-    fn remove(&self, dir: &Path) -> io::Result<()> {
-        std::fs::remove_dir_all(dir)
-    }
-
-    fn list(&self, dir: &Path) -> io::Result<Option<Vec<String>>> {
-        let entries = match std::fs::read_dir(dir) {
-            Ok(entries) => entries,
-            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-            Err(error) => return Err(error),
-        };
-        let name = |entry: io::Result<std::fs::DirEntry>| {
-            Ok(entry?.file_name().to_string_lossy().into_owned())
-        };
-        entries.map(name).collect::<io::Result<_>>().map(Some)
-    }
-}
 
 /// Why a folder was not written; nothing of it is left behind.
 #[derive(Debug, Error)]
@@ -204,6 +91,27 @@ pub struct FileEntry {
     pub blake3: String,
 }
 
+impl FileEntry {
+    /// Whether the file in `dir` is the one that was written.
+    ///
+    /// # Errors
+    /// What the operating system says.
+    pub fn is_whole(&self, disk: &dyn FileSystem, dir: &Path) -> io::Result<bool> {
+        let (bytes, file) = disk.open(&dir.join(&self.name))?;
+        if bytes != self.bytes {
+            return Ok(false);
+        }
+        let mut hasher = blake3::Hasher::new();
+        hasher.update_reader(file)?;
+        Ok(hasher.finalize().to_hex().as_str() == self.blake3)
+    }
+}
+
+/// Name of the journal in an unfinished folder: one [`FileEntry`] as JSON per line.
+pub const JOURNAL: &str = ".files";
+/// What the name of an unfinished folder begins with.
+pub const UNFINISHED: &str = ".partial-";
+
 /// How the finished folder gets its name.
 #[derive(Debug, Clone, Copy)]
 enum Arrival {
@@ -215,6 +123,7 @@ enum Arrival {
 /// A folder being written; dropping it before [`Staging::commit`] removes every trace.
 pub struct Staging<'a> {
     disk: &'a dyn FileSystem,
+    journal: Option<Box<dyn NewFile + 'a>>,
     partial: PathBuf,
     parent: PathBuf,
     target: PathBuf,
@@ -279,11 +188,12 @@ impl<'a> Staging<'a> {
         };
         let process = std::process::id();
         for attempt in 0..1000 {
-            let partial = parent.join(format!(".partial-{name}-{process}-{attempt}"));
+            let partial = parent.join(format!("{UNFINISHED}{name}-{process}-{attempt}"));
             match disk.create_dir(&partial) {
                 Ok(()) => {
                     return Ok(Self {
                         disk,
+                        journal: None,
                         partial,
                         parent,
                         target: resolved,
@@ -311,6 +221,20 @@ impl<'a> Staging<'a> {
         })
     }
 
+    /// Keeps a journal beside the files until the folder has its name, for a folder that is to be
+    /// salvaged file by file.
+    ///
+    /// It is not synced: after a loss of power fewer files are known to be whole, never more.
+    ///
+    /// # Errors
+    /// [`CommitError::Io`] when it cannot be created.
+    pub fn journaled(mut self) -> Result<Self, CommitError> {
+        let journal = self.disk.create_file(&self.partial.join(JOURNAL));
+        let unwritten = |source| CommitError::unwritten(&self.target.join(JOURNAL), source);
+        self.journal = Some(journal.map_err(unwritten)?);
+        Ok(self)
+    }
+
     /// Makes a folder inside, for files named `folder/file`.
     ///
     /// # Errors
@@ -329,14 +253,21 @@ impl<'a> Staging<'a> {
     /// # Errors
     /// [`CommitError::Io`] naming the file as it would have been called.
     pub fn put(&mut self, name: &str, bytes: &[u8]) -> Result<(), CommitError> {
+        let unwritten = |source| CommitError::unwritten(&self.target.join(name), source);
         self.disk
             .write_new(&self.partial.join(name), bytes)
-            .map_err(|source| CommitError::unwritten(&self.target.join(name), source))?;
-        self.files.push(FileEntry {
+            .map_err(unwritten)?;
+        let entry = FileEntry {
             name: name.into(),
             bytes: bytes.len() as u64,
             blake3: blake3::hash(bytes).to_hex().to_string(),
-        });
+        };
+        if let Some(journal) = &mut self.journal {
+            let line = serde_json::to_string(&entry).map_err(io::Error::from);
+            line.and_then(|line| journal.write_all(format!("{line}\n").as_bytes()))
+                .map_err(unwritten)?;
+        }
+        self.files.push(entry);
         Ok(())
     }
 
@@ -364,6 +295,12 @@ impl<'a> Staging<'a> {
                 },
             }
         };
+        if self.journal.take().is_some() {
+            let journal = self.partial.join(JOURNAL);
+            self.disk
+                .remove_file(&journal)
+                .map_err(io("take the journal out of it"))?;
+        }
         for folder in self.folders.iter().chain([&self.partial]) {
             self.disk.sync_dir(folder).map_err(io("sync its entries"))?;
         }

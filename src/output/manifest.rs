@@ -1,9 +1,13 @@
 //! `shot.json`: where results came from, how far to trust them, and a BLAKE3 of every file.
 
-use super::commit::FileEntry;
+use super::{
+    commit::FileEntry,
+    file_system::{Disk, FileSystem},
+};
 use serde::{Deserialize, Serialize};
 use std::{
     collections::BTreeSet,
+    io::Read as _,
     path::{Path, PathBuf},
 };
 use thiserror::Error;
@@ -117,20 +121,31 @@ impl Manifest {
     /// [`ManifestError::Io`] for a missing file, [`ManifestError::Damaged`] for one that is not
     /// what was written.
     pub fn verify(dir: &Path) -> Result<Self, ManifestError> {
+        let manifest = Self::read(&Disk, dir)?;
+        manifest.verify_files(&Disk, dir)?;
+        Ok(manifest)
+    }
+
+    /// Reads a folder's manifest and checks it against itself, but not the files it lists.
+    ///
+    /// # Errors
+    /// As [`Self::verify`].
+    pub fn read(disk: &dyn FileSystem, dir: &Path) -> Result<Self, ManifestError> {
         let path = dir.join(MANIFEST);
-        let io = |path: &Path| {
-            let path = path.to_path_buf();
-            move |source| ManifestError::Io { path, source }
+        let io = |source| ManifestError::Io {
+            path: path.clone(),
+            source,
         };
         let damaged = |problem: String| ManifestError::Damaged {
             path: path.clone(),
             problem,
         };
-        let bytes = path.metadata().map_err(io(&path))?.len();
+        let (bytes, file) = disk.open(&path).map_err(io)?;
         if bytes > MAX_BYTES {
             return Err(damaged(format!("{bytes} bytes are more than {MAX_BYTES}")));
         }
-        let text = std::fs::read_to_string(&path).map_err(io(&path))?;
+        let mut text = String::new();
+        file.take(MAX_BYTES).read_to_string(&mut text).map_err(io)?;
         let manifest: Self =
             serde_json::from_str(&text).map_err(|error| damaged(error.to_string()))?;
         if manifest.format != FORMAT {
@@ -153,15 +168,26 @@ impl Manifest {
             if !seen.insert(&entry.name) {
                 return Err(damaged(format!("files names {:?} twice", entry.name)));
             }
-            let path = dir.join(&entry.name);
-            let mut hasher = blake3::Hasher::new();
-            let file = std::fs::File::open(&path).map_err(io(&path))?;
-            hasher.update_reader(file).map_err(io(&path))?;
-            if hasher.finalize().to_hex().as_str() != entry.blake3 {
-                let problem = "blake3 differs from the one in shot.json".into();
-                return Err(ManifestError::Damaged { path, problem });
-            }
         }
         Ok(manifest)
+    }
+
+    /// Checks every file of `dir` against what the manifest states of it.
+    ///
+    /// # Errors
+    /// As [`Self::verify`].
+    pub fn verify_files(&self, disk: &dyn FileSystem, dir: &Path) -> Result<(), ManifestError> {
+        for entry in &self.files {
+            let path = dir.join(&entry.name);
+            match entry.is_whole(disk, dir) {
+                Ok(true) => {}
+                Ok(false) => {
+                    let problem = "blake3 differs from the one in shot.json".into();
+                    return Err(ManifestError::Damaged { path, problem });
+                }
+                Err(source) => return Err(ManifestError::Io { path, source }),
+            }
+        }
+        Ok(())
     }
 }

@@ -2,6 +2,7 @@
 
 pub mod commit;
 pub mod exr;
+mod file_system;
 pub mod label;
 pub mod manifest;
 pub mod png;
@@ -10,8 +11,9 @@ pub mod sheet;
 mod staged_file;
 pub mod tone;
 
-pub use commit::{CommitError, Disk, Existing, FileEntry, FileSystem, Staging};
+pub use commit::{CommitError, Existing, FileEntry, JOURNAL, Staging, UNFINISHED};
 pub use exr::{EncodeError, Precision};
+pub use file_system::{Disk, FileSystem, NewFile};
 pub use manifest::{LightEntry, Manifest, ManifestError};
 pub use results::{FRAMES, OutputError, RelitView, Results, write};
 pub use staged_file::StagedFile;

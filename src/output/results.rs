@@ -2,8 +2,9 @@
 
 use super::{
     EncodeError, Precision,
-    commit::{CommitError, Existing, FileSystem, Staging},
+    commit::{CommitError, Existing, Staging},
     exr,
+    file_system::FileSystem,
     manifest::{LightEntry, MANIFEST, Manifest},
     png,
     sheet::{self, Panel},
@@ -123,7 +124,7 @@ pub fn write(
     } else {
         Tone::robust(results.relit.iter().map(|view| &view.relit.0))
     };
-    let mut staging = Staging::begin(disk, dir, existing, is_ours)?;
+    let mut staging = Staging::begin(disk, dir, existing, is_ours)?.journaled()?;
     let mut put = |name: &str, bytes: Result<Vec<u8>, EncodeError>| {
         let bytes = bytes.map_err(|source| OutputError::Encode {
             name: name.into(),

@@ -246,7 +246,7 @@ fn byte(value: f32) -> Option<u8> {
 }
 
 /// Nine points of matplotlib's viridis (CC0), 0 = violet, 1 = yellow.
-fn viridis(fraction: f32) -> [u8; 3] {
+pub fn viridis(fraction: f32) -> [u8; 3] {
     const MAP: [[u8; 3]; 9] = [
         [68, 1, 84],
         [71, 44, 122],

@@ -1,6 +1,9 @@
 //! One file that appears whole or not at all: written under another name beside its own, renamed.
 
-use super::commit::{CommitError, Disk, FileSystem};
+use super::{
+    commit::CommitError,
+    file_system::{Disk, FileSystem},
+};
 use std::{
     io,
     path::{Path, PathBuf},

@@ -77,7 +77,8 @@ fn keep_frames(
 ) -> Result<Manifest, SessionError> {
     let mut staging = Staging::begin(&Disk, folder, existing, |name| {
         name == FRAMES || name == MANIFEST
-    })?;
+    })?
+    .journaled()?;
     staging.put(FRAMES, frames)?;
     let (width, height) = taken.shot.flash.pixels.size();
     let manifest = Manifest {

@@ -4,7 +4,7 @@ mod keep;
 mod take;
 
 pub use keep::{Kept, keep};
-pub use take::{Taken, take};
+pub use take::{Taken, take, take_watched};
 
 use crate::{
     api::{Fault, FaultKind},

@@ -6,7 +6,7 @@ use crate::{
     shot::{Assembler, DropCounts, Limits, Shot},
 };
 use drivers::{Device, DeviceInfo, DriverError, Settings};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// A shot and where it came from.
 #[derive(Debug, Clone)]
@@ -21,25 +21,44 @@ pub struct Taken {
     pub drops: DropCounts,
 }
 
+/// Longest wait without a word to whoever watches.
+const BREATH: Duration = Duration::from_millis(500);
+
 /// Streams from `device` until one shot is whole; the device has stopped when this returns.
 ///
 /// # Errors
 /// [`SessionError::Device`] when the device fails or is silent for longer than its patience;
 /// [`SessionError::NoShot`] when it streams past the deadline, or ends, without a whole shot.
 pub fn take(device: &mut dyn Device, capture: &Capture) -> Result<Taken, SessionError> {
+    take_watched(device, capture, &mut |_| {})
+}
+
+/// [`take`]; `alive` is called with the number of frames so far, at least every half second for as
+/// long as the device keeps its patience.
+///
+/// # Errors
+/// As [`take`].
+pub fn take_watched(
+    device: &mut dyn Device,
+    capture: &Capture,
+    alive: &mut dyn FnMut(u64),
+) -> Result<Taken, SessionError> {
     let settings = capture.settings();
     let info = device.info();
     let mut assembler = Assembler::new(device.rig(), Limits::default());
     let started = Instant::now();
     let mut heard = started;
+    let mut frames = 0;
     let mut stream = device.start(&settings)?;
     let shot = loop {
         let left = capture.deadline().saturating_sub(started.elapsed());
         if left.is_zero() {
             break None;
         }
-        match stream.next_frame(capture.patience().min(left)) {
+        alive(frames);
+        match stream.next_frame(capture.patience().min(left).min(BREATH)) {
             Ok(frame) => {
+                frames += 1;
                 heard = Instant::now();
                 if let Some(shot) = assembler.push(frame) {
                     break Some(shot);
@@ -48,6 +67,10 @@ pub fn take(device: &mut dyn Device, capture: &Capture) -> Result<Taken, Session
             Err(DriverError::Ended { .. }) => break assembler.finish().into_iter().next(),
             // A stream may be asked again after a silence; how long in all, the owner decides.
             Err(DriverError::Timeout { .. }) if heard.elapsed() < capture.patience() => {}
+            Err(DriverError::Timeout { device, .. }) => {
+                let patience = capture.patience();
+                return Err(DriverError::Timeout { device, patience }.into());
+            }
             Err(error) => return Err(error.into()),
         }
     };

@@ -1,7 +1,10 @@
 //! The daemon as its clients meet it: a process behind a Unix socket.
 
+mod api;
+mod reliability;
 mod requests;
 mod shots;
+mod web;
 
 use std::{
     io::{Read, Write},
@@ -12,7 +15,7 @@ use std::{
 };
 
 /// Longest wait for anything a daemon should do at once. Reached only by a broken one.
-const PATIENCE: Duration = Duration::from_secs(60);
+pub const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A running daemon with folders of its own; stopped when dropped.
 pub struct Daemon {
@@ -20,61 +23,100 @@ pub struct Daemon {
     pub folder: tempfile::TempDir,
     notifications: UnixDatagram,
     process: Child,
+    devices: Vec<String>,
 }
 
 impl Daemon {
     /// Starts a daemon on `device` and waits until it says that it is ready.
     pub fn start(device: &str) -> Self {
+        Self::start_with("", &[device])
+    }
+
+    /// Starts a daemon on devices, with a configuration file, and waits until it says that it is ready.
+    pub fn start_with(config: &str, devices: &[&str]) -> Self {
         let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("captured.toml"), config).unwrap();
         let notifications = UnixDatagram::bind(folder.path().join("notify")).unwrap();
         notifications.set_read_timeout(Some(PATIENCE)).unwrap();
-        let process = Self::command(&folder, device)
-            .spawn()
-            .expect("captured is built");
+        let devices: Vec<String> = devices.iter().map(|device| (*device).to_owned()).collect();
+        let process = Self::spawn(&folder, &devices);
         let daemon = Self {
             folder,
             notifications,
             process,
+            devices,
         };
         assert_eq!(daemon.notification(), "READY=1");
         daemon
     }
 
-    fn command(folder: &tempfile::TempDir, device: &str) -> Command {
+    /// Starts it again in the same folders, once it has ended.
+    pub fn restart(&mut self) {
+        self.process = Self::spawn(&self.folder, &self.devices);
+        while self.notification() != "READY=1" {}
+    }
+
+    fn spawn(folder: &tempfile::TempDir, devices: &[String]) -> Child {
+        let log = std::fs::File::options()
+            .append(true)
+            .create(true)
+            .open(folder.path().join("log"))
+            .unwrap();
+        Self::command(folder, devices)
+            .stderr(log)
+            .spawn()
+            .expect("captured is built")
+    }
+
+    fn command(folder: &tempfile::TempDir, devices: &[String]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_captured"));
         command.env("XDG_CACHE_HOME", env!("CARGO_TARGET_TMPDIR"));
         command
-            .args([
-                "--device",
-                device,
-                "--socket",
-                "captured/captured.sock",
-                "--state",
-                "state",
-            ])
+            .args(devices.iter().flat_map(|device| ["--device", device]))
+            .args(["--config", "captured.toml"])
+            .args(["--socket", "captured/captured.sock"])
+            .args(["--state", "state"])
             .current_dir(folder.path())
             .env("NOTIFY_SOCKET", folder.path().join("notify"))
+            .env("NO_COLOR", "1")
             .env_remove("RUNTIME_DIRECTORY")
             .env_remove("STATE_DIRECTORY")
-            .stderr(Stdio::null());
+            .env_remove("JOURNAL_STREAM");
         command
     }
 
-    /// What the daemon tells the service manager next.
+    /// What it has said so far.
+    pub fn log(&self) -> String {
+        std::fs::read_to_string(self.folder.path().join("log")).unwrap()
+    }
+
+    /// Memory that it holds.
+    pub fn resident_bytes(&self) -> u64 {
+        let status =
+            std::fs::read_to_string(format!("/proc/{}/status", self.process.id())).unwrap();
+        let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
+        let kibibytes = line.unwrap().trim().trim_end_matches(" kB").parse::<u64>();
+        kibibytes.unwrap() << 10
+    }
+
+    /// What the daemon tells the service manager next, its signs of life left out.
     pub fn notification(&self) -> String {
-        let mut bytes = [0; 200];
-        let length = self
-            .notifications
-            .recv(&mut bytes)
-            .expect("the daemon notifies in time");
-        String::from_utf8_lossy(&bytes[..length])
-            .trim_end()
-            .to_owned()
+        loop {
+            let mut bytes = [0; 200];
+            let length = self
+                .notifications
+                .recv(&mut bytes)
+                .expect("the daemon notifies in time");
+            let said = String::from_utf8_lossy(&bytes[..length]);
+            if said.trim_end() != "WATCHDOG=1" {
+                return said.trim_end().to_owned();
+            }
+        }
     }
 
     /// Tries to start a second daemon in the same folders; returns its exit code and message.
     pub fn start_another(&self) -> (Option<i32>, String) {
-        let mut command = Self::command(&self.folder, "synthetic:desk");
+        let mut command = Self::command(&self.folder, &self.devices);
         let output = command.stderr(Stdio::piped()).output().unwrap();
         (
             output.status.code(),
@@ -87,45 +129,58 @@ impl Daemon {
         self.folder.path().join("captured/captured.sock")
     }
 
+    /// Sends a signal by name.
+    pub fn signal(&self, signal: &str) {
+        let script = format!("kill -{signal} {}", self.process.id());
+        let sent = Command::new("sh").args(["-c", &script]).status().unwrap();
+        assert!(sent.success());
+    }
+
     /// Sends a signal by name and waits for the end; returns the exit code.
     pub fn end_by(&mut self, signal: &str) -> Option<i32> {
-        let script = format!("kill -{signal} {}", self.process.id());
-        assert!(
-            Command::new("sh")
-                .args(["-c", &script])
-                .status()
-                .unwrap()
-                .success()
-        );
+        self.signal(signal);
         self.process.wait().unwrap().code()
+    }
+
+    /// A connection.
+    pub fn connect(&self) -> UnixStream {
+        let stream = UnixStream::connect(self.socket()).unwrap();
+        stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        stream
     }
 
     /// Sends bytes as they are and returns the status and body of the answer.
     pub fn ask(&self, request: &[u8]) -> (u16, String) {
-        let mut stream = UnixStream::connect(self.socket()).unwrap();
-        stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        let (status, _, body) = self.ask_bytes(request);
+        (status, String::from_utf8_lossy(&body).into_owned())
+    }
+
+    /// Sends bytes as they are and returns the status, head and body of the answer.
+    pub fn ask_bytes(&self, request: &[u8]) -> (u16, String, Vec<u8>) {
+        let mut stream = self.connect();
         // A daemon that has heard enough may close before everything is sent.
         drop(stream.write_all(request));
         let mut answer = Vec::new();
         drop(stream.read_to_end(&mut answer));
-        let answer = String::from_utf8_lossy(&answer).into_owned();
-        let status = answer
-            .split(' ')
-            .nth(1)
-            .and_then(|code| code.parse().ok())
-            .unwrap_or(0);
-        let body = answer.split_once("\r\n\r\n").map_or("", |(_, body)| body);
-        (status, body.to_owned())
+        let end = answer.windows(4).position(|four| four == b"\r\n\r\n");
+        let body = end.map_or(Vec::new(), |end| answer.split_off(end + 4));
+        let head = String::from_utf8_lossy(&answer).into_owned();
+        let status = head.split(' ').nth(1).and_then(|code| code.parse().ok());
+        (status.unwrap_or(0), head, body)
     }
 
     /// A whole request with a body.
-    pub fn send(&self, method: &str, path: &str, body: &str) -> (u16, serde_json::Value) {
-        let request = format!(
+    pub fn request(method: &str, path: &str, body: &str) -> String {
+        format!(
             "{method} {path} HTTP/1.1\r\nhost: captured\r\nconnection: close\r\n\
              content-type: application/json\r\ncontent-length: {}\r\n\r\n{body}",
             body.len()
-        );
-        let (status, body) = self.ask(request.as_bytes());
+        )
+    }
+
+    /// Sends a whole request and reads a JSON answer.
+    pub fn send(&self, method: &str, path: &str, body: &str) -> (u16, serde_json::Value) {
+        let (status, body) = self.ask(Self::request(method, path, body).as_bytes());
         (
             status,
             serde_json::from_str(&body).unwrap_or(serde_json::Value::Null),

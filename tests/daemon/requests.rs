@@ -9,7 +9,7 @@ fn the_daemon_says_what_it_is_and_what_it_owns() {
     assert_eq!(status, 200);
     assert_eq!(body["version"], env!("CARGO_PKG_VERSION"));
     assert!(
-        body["device"]["address"]
+        body["devices"][0]["device"]["address"]
             .as_str()
             .unwrap()
             .starts_with("synthetic:desk"),
@@ -61,7 +61,7 @@ fn bad_requests_are_refused_by_field_and_the_daemon_goes_on() {
         ),
         Case("POST", shots, "{\"tier\": \"fast\"}", 400, "JSON"),
         Case("POST", shots, "{\"tier\": \"paper\"}", 400, "tier"),
-        Case("GET", shots, "", 404, "GET /v1/shots"),
+        Case("PUT", shots, "", 404, "PUT /v1/shots"),
         Case("DELETE", "/v1/status", "", 404, "DELETE"),
         Case("GET", "/", "", 404, "GET /"),
         Case("GET", "/v1/shots/none/files/shot.json", "", 400, "none"),

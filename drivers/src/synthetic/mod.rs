@@ -238,9 +238,9 @@ impl Device for Synthetic {
             )?,
             gain: granted("gain", settings.gain, GAIN)?,
         };
-        if settings.flash_every < 2 {
+        if settings.flash_every == 1 {
             let reason = format!(
-                "{}; at least 2, so that ambient frames exist",
+                "{}; at least 2, so that ambient frames exist, or 0 for no flash",
                 settings.flash_every
             );
             return Err(DriverError::Setting {
@@ -314,7 +314,7 @@ impl Running<'_> {
 
     fn color(&self, k: u64, at: Timestamp) -> ColorFrame {
         let every = u64::from(self.settings.flash_every);
-        let light = if k % every == 1 {
+        let light = if every > 0 && k % every == 1 {
             Illumination::Flash
         } else {
             Illumination::Ambient

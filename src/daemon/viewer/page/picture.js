@@ -1,0 +1,83 @@
+// The large picture: what is shown, and what it is compared with on the other side of a divider.
+
+export class Picture {
+  constructor(canvas, overlay, divider, tags) {
+    Object.assign(this, { canvas, overlay, divider, tags, before: null, after: null, share: 0.5 });
+    this.pen = canvas.getContext("2d");
+    const move = (event) => {
+      const box = canvas.getBoundingClientRect();
+      this.part((event.clientX - box.left) / box.width);
+    };
+    divider.addEventListener("pointerdown", (event) => divider.setPointerCapture(event.pointerId));
+    divider.addEventListener("pointermove", (event) => {
+      if (divider.hasPointerCapture(event.pointerId)) move(event);
+    });
+    divider.addEventListener("keydown", (event) => {
+      const step = { ArrowLeft: -0.02, ArrowRight: 0.02, Home: -1, End: 1 }[event.key];
+      if (!step) return;
+      event.preventDefault();
+      this.part(this.share + step);
+    });
+    new ResizeObserver(() => this.place()).observe(canvas);
+  }
+
+  part(share) {
+    this.share = Math.min(1, Math.max(0, share));
+    this.divider.setAttribute("aria-valuenow", Math.round(100 * this.share));
+    this.place();
+    this.draw();
+  }
+
+  /** The divider follows the picture, which its frame may be wider than. */
+  place() {
+    const box = this.canvas.getBoundingClientRect();
+    const frame = this.canvas.parentElement.getBoundingClientRect();
+    this.divider.style.left = `${box.left - frame.left + this.share * box.width}px`;
+  }
+
+  show(after) {
+    this.after = after;
+    this.draw();
+  }
+
+  /** Something to compare with; nothing without a picture. */
+  compare(before) {
+    this.before = before;
+    for (const part of [this.divider, ...this.tags]) part.hidden = !before;
+    this.place();
+    this.draw();
+  }
+
+  draw() {
+    const { after, before, canvas, pen } = this;
+    if (!after) return;
+    if (canvas.width !== after.width || canvas.height !== after.height) {
+      canvas.width = after.width;
+      canvas.height = after.height;
+      canvas.parentElement.style.setProperty("--ratio", after.width / after.height);
+      this.place();
+    }
+    pen.putImageData(after, 0, 0);
+    if (before && before.width === after.width) {
+      pen.putImageData(before, 0, 0, 0, 0, Math.round(this.share * after.width), after.height);
+    }
+  }
+
+  /** Marks pixels on a sheet above the picture; nothing without a rule. */
+  mark(rule) {
+    const { overlay, after } = this;
+    if (!rule || !after) {
+      overlay.width = 0;
+      return;
+    }
+    overlay.width = after.width;
+    overlay.height = after.height;
+    const sheet = new ImageData(after.width, after.height);
+    const ink = new Uint32Array(sheet.data.buffer);
+    for (let i = 0; i < ink.length; i++) {
+      const stripe = ((i % after.width) + Math.floor(i / after.width)) & 4;
+      if (stripe && rule(after.data, 4 * i)) ink[i] = 0xff3030ff;
+    }
+    overlay.getContext("2d").putImageData(sheet, 0, 0);
+  }
+}
