@@ -18,6 +18,9 @@ mod fsck;
 mod import;
 mod inference;
 mod info;
+mod install;
+mod lamps_off;
+mod manual;
 mod input;
 mod lights;
 mod progress;
@@ -80,6 +83,10 @@ pub enum Command {
     Viewer,
     /// Check that the shots that the daemon keeps are still what was written.
     Fsck(fsck::Fsck),
+    /// Put the programs, their units, rules, manual and completions in place.
+    Install(install::Install),
+    /// Switch off every lamp with a flash driver; the service does so when the daemon has ended.
+    LampsOff,
     /// Take a shot now, with the daemon where one runs, else in this process.
     Shoot(shoot::Shoot),
     /// Show a capture folder or a recording under new light.
@@ -117,6 +124,8 @@ impl CommandLine {
             Command::Status => daemon::status(&config),
             Command::Shots(shots) => shots.run(&config),
             Command::Viewer => daemon::viewer(&config),
+            Command::Install(install) => install.run(),
+            Command::LampsOff => lamps_off::run(),
             Command::Fsck(fsck) => fsck.run(&config),
             Command::Shoot(shoot) => shoot.run(&config),
             Command::Relight(relight) => relight.run(&config),
