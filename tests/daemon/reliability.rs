@@ -5,12 +5,12 @@ use crate::{Daemon, PATIENCE};
 use serde_json::{Value, json};
 use std::{
     io::{Read, Write},
-    os::unix::net::UnixStream,
     process::Command,
     time::{Duration, Instant},
 };
 
-const RELIGHT: &str = r#"{"relight": true, "lights": [{"direction": [0.5, 0.4, 0.8]}]}"#;
+const RELIGHT: &str =
+    r#"{"relight": true, "tier": "closed", "lights": [{"direction": [0.5, 0.4, 0.8]}]}"#;
 
 fn wait_for(what: &str, mut holds: impl FnMut() -> bool) {
     let began = Instant::now();
@@ -199,46 +199,36 @@ fn another_user_may_look_and_neither_shoot_nor_delete() {
     };
     open(&daemon.socket(), 0o666);
     open(daemon.folder.path(), 0o755);
-    let as_other = |method: &str, path: &str| {
-        let script = "import socket,sys\ns=socket.socket(socket.AF_UNIX); s.connect(sys.argv[1]); s.sendall((sys.argv[2]+' '+sys.argv[3]+' HTTP/1.1\\r\\nhost: c\\r\\nconnection: close\\r\\ncontent-length: 2\\r\\n\\r\\n{}').encode())\nd=b''\nwhile True:\n  r=s.recv(65536)\n  if not r: break\n  d+=r\nprint(d.split(b' ')[1].decode())";
-        Command::new("setpriv")
-            .args([
-                "--reuid=4242",
-                "--regid=4242",
-                "--clear-groups",
-                "python3",
-                "-c",
-                script,
-            ])
-            .arg(daemon.socket())
-            .args([method, path])
-            .output()
-            .map(|output| String::from_utf8_lossy(&output.stdout).trim().to_owned())
+    let theirs = daemon.folder.path().join("theirs");
+    std::fs::create_dir(&theirs).unwrap();
+    open(&theirs, 0o777);
+    let as_other = |arguments: &[&str]| {
+        let output = Command::new("setpriv")
+            .args(["--reuid=4242", "--regid=4242", "--clear-groups"])
+            .args([env!("CARGO_BIN_EXE_capturectl"), "--json"])
+            .args(arguments)
+            .current_dir(&theirs)
+            .env("XDG_RUNTIME_DIR", daemon.folder.path())
+            .output();
+        let said = output.map_or_else(|error| error.to_string().into_bytes(), |found| found.stdout);
+        serde_json::from_slice::<Value>(&said).unwrap_or_default()
     };
-    match as_other("GET", "/v1/status") {
-        Ok(status) if status == "200" => {}
-        other => {
-            eprintln!(
-                "SKIPPED: no request could be made as another user (needs root, setpriv and python3): {other:?}"
-            );
-            return;
-        }
+    let status = as_other(&["status"]);
+    if status["role"] != "look" {
+        eprintln!(
+            "SKIPPED: nothing could be asked as another user (needs root, setpriv and a build that others may read): {status}"
+        );
+        return;
     }
-    assert_eq!(as_other("GET", &format!("/v1/shots/{id}")).unwrap(), "200");
-    assert_eq!(
-        as_other("GET", &format!("/v1/shots/{id}/files/shot.mcap")).unwrap(),
-        "200"
-    );
-    assert_eq!(as_other("POST", "/v1/shots").unwrap(), "403");
-    assert_eq!(
-        as_other("DELETE", &format!("/v1/shots/{id}")).unwrap(),
-        "403"
-    );
-    assert_eq!(
-        as_other("POST", &format!("/v1/shots/{id}/relight")).unwrap(),
-        "403"
-    );
-    assert_eq!(as_other("GET", "/v1/viewer").unwrap(), "403");
+    assert_eq!(as_other(&["shots"])["shots"][0]["id"], id);
+    for refused in [
+        &["shoot", "--out", "shot"][..],
+        &["shots", "--delete", id],
+        &["viewer"],
+    ] {
+        let said = as_other(refused)["error"]["message"].to_string();
+        assert!(said.contains("uid 4242 may look"), "{refused:?}: {said}");
+    }
     assert!(daemon.folder.path().join("state/shots").join(id).exists());
 }
 

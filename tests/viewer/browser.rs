@@ -160,12 +160,13 @@ impl Page {
         let began = Instant::now();
         let yes = format!("Boolean({expression})");
         while self.value(&yes) != true {
-            assert!(
-                began.elapsed() < PATIENCE,
-                "not within {PATIENCE:?}: {expression}; {:?}; {}",
-                self.complaints,
-                self.value("document.getElementById('notice')?.textContent")
-            );
+            if began.elapsed() > PATIENCE {
+                let said = self.value("document.getElementById('notice')?.textContent");
+                panic!(
+                    "not within {PATIENCE:?}: {expression}; {said}; {:?}",
+                    self.complaints
+                );
+            }
             std::thread::sleep(Duration::from_millis(20));
         }
     }
