@@ -7,7 +7,7 @@ use crate::{
     relight::networks::{Channels, Network, NetworkError, NetworkRecord, Variant},
 };
 use std::{
-    collections::HashMap,
+    collections::{HashMap, hash_map::Entry},
     sync::{Arc, Mutex, MutexGuard, PoisonError},
 };
 
@@ -56,15 +56,13 @@ impl Networks {
             self.settings = settings.clone();
             self.ready.clear();
         }
-        let key = (asked.tier, asked.variant);
-        if !self.ready.contains_key(&key) {
-            let (answering, said) = darkroom::ready(asked, settings)?;
-            self.ready.insert(key, (kept(answering), said));
-        }
-        let (answering, said) = self
-            .ready
-            .entry(key)
-            .or_insert((Answering::Closed, Vec::new()));
+        let (answering, said) = match self.ready.entry((asked.tier, asked.variant)) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(free) => {
+                let (answering, said) = darkroom::ready(asked, settings)?;
+                free.insert((kept(answering), said))
+            }
+        };
         if let Answering::Auto(auto) = answering {
             auto.budget = asked.budget;
         }

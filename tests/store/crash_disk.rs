@@ -126,7 +126,7 @@ fn arrived(now: &Entries, durable: &Entries, choose: &mut dyn FnMut() -> u32) ->
     let mut entries = Entries::new();
     for inode in inodes {
         let (new, old) = (name_of(now, inode), name_of(durable, inode));
-        let name = if new == old || choose() % 2 == 0 {
+        let name = if new == old || choose().is_multiple_of(2) {
             old
         } else {
             new

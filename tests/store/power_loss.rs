@@ -36,11 +36,11 @@ fn explore(broken: Option<Broken>, each: u64) -> Seen {
             };
             let found = Arc::new(disk.after_power_loss(&mut choose));
             // One in four loses power once more while it recovers, or is killed there.
-            let found = if seed % 4 == 0 {
+            let found = if seed.is_multiple_of(4) {
                 found.lose_power_after(choose() as usize % 20);
                 let shared: Arc<dyn FileSystem> = found.clone();
                 let _ = captured::store::Store::on(shared, shots());
-                Arc::new(if seed % 8 == 0 {
+                Arc::new(if seed.is_multiple_of(8) {
                     found.after_power_loss(&mut choose)
                 } else {
                     found.after_kill()

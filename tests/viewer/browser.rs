@@ -11,7 +11,7 @@ use std::{
 use tungstenite::{Message, WebSocket, stream::MaybeTlsStream};
 
 /// Longest wait for anything a page does. Reached only by a broken one.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_secs(240);
 
 /// One page in a browser of its own, both gone when dropped.
 pub struct Page {

@@ -15,9 +15,12 @@ use axum::{
     response::{IntoResponse, Response},
     routing::get,
 };
-use std::sync::Arc;
+use std::{sync::Arc, time::Duration};
 use utoipa::OpenApi;
 use utoipa_axum::{router::OpenApiRouter, routes};
+
+/// Longest time for a request's body: places for connections are few.
+const BODY_TIME: Duration = Duration::from_secs(10);
 
 /// The document's head.
 #[derive(OpenApi)]
@@ -102,7 +105,12 @@ async fn limited(State(daemon): State<Arc<Daemon>>, request: Request, next: Next
     }
     let (parts, body) = request.into_parts();
     let whole = async {
-        let Ok(bytes) = axum::body::to_bytes(body, most).await else {
+        let Ok(read) = tokio::time::timeout(BODY_TIME, axum::body::to_bytes(body, most)).await
+        else {
+            let message = format!("the body did not arrive within {BODY_TIME:?}");
+            return refuse(StatusCode::REQUEST_TIMEOUT, fault(message));
+        };
+        let Ok(bytes) = read else {
             return too_large();
         };
         next.run(Request::from_parts(parts, bytes.into())).await

@@ -36,22 +36,21 @@ export const describe = async (id) => (await ask(`/v1/shots/${id}`)).json();
 export const remove = (id) => ask(`/v1/shots/${id}`, { method: "DELETE" });
 export const fileAddress = (id, name) => `/v1/shots/${id}/files/${encodeURIComponent(name)}`;
 
-/** A raw picture of an answer. */
-async function pictureOf(answer) {
+// JPEG: a raw picture of 512 × 512 is a megabyte, which takes a browser longer to hand from process to
+// process than to unpack, and a tunnel longer still.
+export const viewBlob = async (id, wanted) =>
+  (await ask(`/v1/shots/${id}/view`, json({ ...wanted, format: "jpeg" }))).blob();
+
+export const view = async (id, wanted) => createImageBitmap(await viewBlob(id, wanted));
+
+/** What the camera sees, raw, so that clipped pixels can be told; and the frame's number. */
+export async function preview(device, after) {
+  const answer = await ask(`/v1/devices/${device}/preview?format=raw&after=${after}`);
   const width = Number(answer.headers.get("x-width"));
   const height = Number(answer.headers.get("x-height"));
   const bytes = new Uint8ClampedArray(await answer.arrayBuffer());
   return { image: new ImageData(bytes, width, height), number: Number(answer.headers.get("x-frame")) };
 }
-
-export const view = async (id, wanted) =>
-  (await pictureOf(await ask(`/v1/shots/${id}/view`, json({ ...wanted, format: "raw" })))).image;
-
-export const viewBlob = async (id, wanted) =>
-  (await ask(`/v1/shots/${id}/view`, json({ ...wanted, format: "jpeg" }))).blob();
-
-export const preview = async (device, after) =>
-  pictureOf(await ask(`/v1/devices/${device}/preview?format=raw&after=${after}`));
 
 /** Does what takes a while; `step` hears how far it is. Resolves with the shot. */
 async function underway(path, body, step) {

@@ -35,10 +35,12 @@ function busy(words) {
   $("busy-words").textContent = words ?? "";
 }
 
-// ---- the picture: one request at a time, and always the newest wish after it
+// ---- the picture: always the newest wish; one picture is worked out while the last one is on its way
 
 const picture = new Picture($("picture"), $("overlay"), $("divider"), [$("tag-before"), $("tag-after")]);
-let asking = false;
+let asking = 0;
+let asked = 0;
+let shown = 0;
 let wish = false;
 const drawn = [];
 
@@ -59,24 +61,24 @@ function wanted() {
 async function refresh() {
   if (!state.shot || state.stopLive) return;
   wish = true;
-  if (asking) return;
-  asking = true;
+  if (asking >= 2) return;
+  asking++;
   try {
     while (wish) {
       wish = false;
       const shot = state.shot;
+      const number = ++asked;
       const began = performance.now();
       const image = await api.view(shot, wanted());
-      if (shot !== state.shot || state.stopLive) continue;
+      if (number < shown || shot !== state.shot || state.stopLive) continue;
+      shown = number;
       picture.show(image);
       figures(image, performance.now() - began);
-      // One picture per picture of the screen is enough.
-      await new Promise(requestAnimationFrame);
     }
   } catch (error) {
     fail(error);
   } finally {
-    asking = false;
+    asking--;
   }
 }
 
@@ -183,7 +185,7 @@ function leaveLive() {
   if (!state.stopLive) return;
   state.stopLive();
   state.stopLive = null;
-  picture.mark(null);
+  picture.mark();
   $("live-box").hidden = true;
   $("to-live").setAttribute("aria-pressed", "false");
   for (const id of ["light-box", "environment-box", "layer-box", "actions"]) $(id).hidden = false;
@@ -208,7 +210,7 @@ function live() {
     picture.draw();
     const share = histogram($("histogram"), image);
     $("clipped").textContent = share > 0 ? `${(100 * share).toFixed(1)} % of the picture is clipped` : "nothing is clipped";
-    picture.mark($("zebra").checked ? (_, at) => isClipped(image.data, at) : null);
+    picture.mark($("zebra").checked ? image : null, isClipped);
     figures(image, 0);
   };
   state.stopLive = look(0, show, fail);
@@ -237,7 +239,8 @@ async function list(fresh = true) {
     button.dataset.id = shot.id;
     button.title = `${shot.id}, ${shot.source}`;
     button.addEventListener("click", () => open(shot.id));
-    seen.observe(button);
+    if (small.has(shot.id)) image.src = small.get(shot.id);
+    else seen.observe(button);
     item.append(button);
     return item;
   });
@@ -256,6 +259,7 @@ const seen = new IntersectionObserver((changes) => {
   }
 });
 let thumbnails = Promise.resolve();
+const small = new Map(); // addresses of the small pictures, by shot
 async function thumbnail(button) {
   const { id } = button.dataset;
   const manifest = await api.describe(id);
@@ -263,12 +267,11 @@ async function thumbnail(button) {
   const blob = name
     ? await (await fetch(api.fileAddress(id, name))).blob()
     : await api.viewBlob(id, { layer: "flash" });
-  const small = await createImageBitmap(blob, { resizeWidth: 320, resizeQuality: "medium" });
-  const canvas = new OffscreenCanvas(small.width, small.height);
-  canvas.getContext("2d").drawImage(small, 0, 0);
-  const image = button.querySelector("img");
-  image.src = URL.createObjectURL(await canvas.convertToBlob({ type: "image/jpeg", quality: 0.85 }));
-  image.onload = () => URL.revokeObjectURL(image.src);
+  const bitmap = await createImageBitmap(blob, { resizeWidth: 320, resizeQuality: "medium" });
+  const canvas = new OffscreenCanvas(bitmap.width, bitmap.height);
+  canvas.getContext("2d").drawImage(bitmap, 0, 0);
+  small.set(id, URL.createObjectURL(await canvas.convertToBlob({ type: "image/jpeg", quality: 0.85 })));
+  button.querySelector("img").src = small.get(id);
 }
 
 function current() {
@@ -359,6 +362,8 @@ $("confirm").addEventListener("close", async () => {
   if ($("confirm").returnValue !== "yes") return;
   try {
     await api.remove(state.shot);
+    URL.revokeObjectURL(small.get(state.shot));
+    small.delete(state.shot);
     const shots = await list();
     await open(shots[0]?.id ?? null);
   } catch (error) {

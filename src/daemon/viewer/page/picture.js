@@ -57,26 +57,29 @@ export class Picture {
       canvas.parentElement.style.setProperty("--ratio", after.width / after.height);
       this.place();
     }
-    pen.putImageData(after, 0, 0);
-    if (before && before.width === after.width) {
-      pen.putImageData(before, 0, 0, 0, 0, Math.round(this.share * after.width), after.height);
+    if (after instanceof ImageData) pen.putImageData(after, 0, 0);
+    else pen.drawImage(after, 0, 0);
+    const part = Math.round(this.share * after.width);
+    if (before && before.width === after.width && part) {
+      pen.drawImage(before, 0, 0, part, after.height, 0, 0, part, after.height);
     }
   }
 
-  /** Marks pixels on a sheet above the picture; nothing without a rule. */
-  mark(rule) {
-    const { overlay, after } = this;
-    if (!rule || !after) {
+  /** Marks the pixels of an image for which a rule holds on a sheet above the picture. */
+  mark(image, rule) {
+    const { overlay } = this;
+    if (!image) {
       overlay.width = 0;
       return;
     }
-    overlay.width = after.width;
-    overlay.height = after.height;
-    const sheet = new ImageData(after.width, after.height);
+    const { width, height, data } = image;
+    overlay.width = width;
+    overlay.height = height;
+    const sheet = new ImageData(width, height);
     const ink = new Uint32Array(sheet.data.buffer);
     for (let i = 0; i < ink.length; i++) {
-      const stripe = ((i % after.width) + Math.floor(i / after.width)) & 4;
-      if (stripe && rule(after.data, 4 * i)) ink[i] = 0xff3030ff;
+      const stripe = ((i % width) + Math.floor(i / width)) & 4;
+      if (stripe && rule(data, 4 * i)) ink[i] = 0xff3030ff;
     }
     overlay.getContext("2d").putImageData(sheet, 0, 0);
   }
