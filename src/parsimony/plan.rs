@@ -90,7 +90,9 @@ impl Plan {
             .filter(|plan| plan.factor <= 2 * base_factor(work) && allowed(plan))
             .map(|plan| {
                 let time = plan.expected_ms / everything.expected_ms.max(f64::MIN_POSITIVE);
-                let share = plan.change / glance.tolerance.max(f32::MIN_POSITIVE);
+                let coarser = plan.factor / base_factor(work);
+                let missed = missed(glance, plan.terms, coarser);
+                let share = missed / glance.tolerance.max(f32::MIN_POSITIVE);
                 let change = f64::from(share.min(1.0));
                 (plan, time + WORTH * change * change)
             })
@@ -260,12 +262,25 @@ fn unasked(glance: &Glance) -> f32 {
 
 /// What all that `terms` leave out changes together, on a grid `coarser` times as coarse as it may be.
 fn change(glance: &Glance, terms: Terms, coarser: usize) -> f32 {
-    let changes = &glance.changes;
     let material = match terms.material {
-        Material::Matte => changes.material[0] * unasked(glance),
-        Material::OneRoughness => changes.material[1],
+        Material::Matte => glance.changes.material[0] * unasked(glance),
+        Material::OneRoughness => glance.changes.material[1],
         Material::Varying => 0.0,
     };
+    with_material(material, glance, terms, coarser)
+}
+
+/// The same of what is worth some time: highlights that held-out samples speak against are not.
+fn missed(glance: &Glance, terms: Terms, coarser: usize) -> f32 {
+    if unasked(glance) < 1.0 {
+        with_material(0.0, glance, terms, coarser)
+    } else {
+        change(glance, terms, coarser)
+    }
+}
+
+fn with_material(material: f32, glance: &Glance, terms: Terms, coarser: usize) -> f32 {
+    let changes = &glance.changes;
     if terms.geometry == Geometry::Plane {
         // Shadows and bounced light go with the shape, and were counted with it.
         return changes.geometry[0].hypot(material);
@@ -366,8 +381,43 @@ mod tests {
             shadow: [1.0, 0.006],
             indirect: [0.006; 2],
         };
-        let plan = Plan::sufficient(&glance(several), Criterion::Visible, &costs(), WORK, true);
+        // Each of them is worth leaving out.
+        let line = |per_megapixel_ms| Line {
+            fixed_ms: 0.2,
+            per_megapixel_ms,
+        };
+        let costs = CostModel {
+            one_roughness: line(600.0),
+            obscurance: line(600.0),
+            network_ms: 150.0,
+            ..costs()
+        };
+        let plan = Plan::sufficient(&glance(several), Criterion::Visible, &costs, WORK, true);
         assert!(plan.change <= 0.01 && plan.change > 0.008, "{plan:?}");
+    }
+
+    #[test]
+    fn what_hardly_saves_time_is_kept() {
+        let bounced = Changes {
+            geometry: [1.0, 1.0],
+            material: [1.0, 1.0],
+            shadow: [1.0, 1.0],
+            indirect: [0.009, 0.009],
+        };
+        let indirect = |obscurance: f64| {
+            let costs = CostModel {
+                obscurance: Line {
+                    fixed_ms: obscurance,
+                    per_megapixel_ms: 0.0,
+                },
+                ..costs()
+            };
+            let found = glance(bounced);
+            let plan = Plan::sufficient(&found, Criterion::Visible, &costs, WORK, true);
+            plan.terms.indirect
+        };
+        assert_eq!(indirect(1.0), Bounced::Predicted);
+        assert_eq!(indirect(1000.0), Bounced::None);
     }
 
     #[test]
