@@ -6,7 +6,7 @@
 use crate::{
     admission,
     calibration::Rig,
-    device::{Device, DriverError, Settings, Stream},
+    device::{Device, DriverError, Losses, Settings, Stream},
     frame::{Frame, Illumination, Timestamp},
 };
 use serde::{Deserialize, Serialize};
@@ -42,6 +42,8 @@ pub struct Report {
     pub device: String,
     /// Frames looked at.
     pub frames: usize,
+    /// Frames that the device did not deliver meanwhile.
+    pub losses: Losses,
     /// Every claim, in the order it was settled.
     pub claims: Vec<Claim>,
 }
@@ -109,6 +111,7 @@ pub fn check(device: &mut dyn Device, frames: usize, observe: &mut dyn FnMut(&Cl
                 evidence,
             );
             seen.take(stream.as_mut(), frames, info.finite);
+            seen.losses = stream.losses();
         }
         Err(error) => claims.settle("it_starts", Verdict::Fail, error.to_string()),
     }
@@ -131,6 +134,7 @@ pub fn check(device: &mut dyn Device, frames: usize, observe: &mut dyn FnMut(&Cl
     Report {
         device: info.address,
         frames: seen.count,
+        losses: seen.losses,
         claims: claims.settled,
     }
 }
@@ -266,6 +270,7 @@ struct Seen {
     curve: Option<(crate::frame::Transfer, f32, f32)>,
     answers: usize,
     silences: usize,
+    losses: Losses,
     ended: Option<DriverError>,
 }
 
@@ -283,6 +288,7 @@ impl Seen {
             curve: None,
             answers: 0,
             silences: 0,
+            losses: Losses::default(),
             ended: None,
         }
     }

@@ -93,6 +93,16 @@ pub enum DriverError {
         /// What was looked for.
         reason: String,
     },
+    /// The device is there and does not do what it should.
+    #[error("{device}: {problem}; {remedy}")]
+    Hardware {
+        /// Device address or node.
+        device: String,
+        /// What went wrong, in which part.
+        problem: String,
+        /// What to do.
+        remedy: &'static str,
+    },
     /// The operating system refused.
     #[error("{path}: {source}; check that it exists, may be accessed and has space")]
     Io {
@@ -130,6 +140,26 @@ pub trait Stream {
     /// # Errors
     /// [`DriverError::Timeout`] after `patience` without a frame (the stream stays usable),
     /// [`DriverError::Ended`] at the end of a finite device, [`DriverError::Unplugged`] when the
-    /// device is gone, [`DriverError::Malformed`] for a frame that is not what it claims to be.
+    /// device is gone, [`DriverError::Malformed`] for a frame that is not what it claims to be,
+    /// [`DriverError::Hardware`] when the device is there and fails.
     fn next_frame(&mut self, patience: Duration) -> Result<Frame, DriverError>;
+
+    /// Frames that were not delivered since the stream started.
+    fn losses(&self) -> Losses {
+        Losses::default()
+    }
+}
+
+/// Frames that a stream did not deliver, by reason.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Losses {
+    /// Gaps in the device's own count.
+    pub missed: u64,
+    /// Flagged as wrong by the device, too short, or not what was negotiated.
+    pub broken: u64,
+    /// Of unknown light: exposed while the flash went on or off, or while a control settled.
+    pub unlit: u64,
+    /// Delivered by the device with a time that its clock cannot have had; the time of arrival was
+    /// used instead. These were delivered all the same.
+    pub misdated: u64,
 }

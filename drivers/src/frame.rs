@@ -20,6 +20,27 @@ impl Timestamp {
         self.0
     }
 
+    /// This moment.
+    pub fn now() -> Self {
+        let now = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
+        // The clock starts at 0 with the machine, so neither part is ever negative.
+        Self(now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64)
+    }
+
+    /// This moment moved earlier; stops at the clock's zero.
+    #[must_use]
+    pub fn before(self, lead: Duration) -> Self {
+        Self(
+            self.0
+                .saturating_sub(u64::try_from(lead.as_nanos()).unwrap_or(u64::MAX)),
+        )
+    }
+
+    /// How long after `earlier` this moment is; zero when it is not.
+    pub fn since(self, earlier: Self) -> Duration {
+        Duration::from_nanos(self.0.saturating_sub(earlier.0))
+    }
+
     /// This moment moved later; stops at the end of the clock.
     #[must_use]
     pub fn after(self, delay: Duration) -> Self {
@@ -93,6 +114,25 @@ pub enum Transfer {
     Gamma(f32),
     /// A measured response: light in [0, 1] at 256 evenly spaced values, non-decreasing.
     Response(Vec<f32>),
+}
+
+impl Transfer {
+    /// Light of a value in [0, 1]. Values below black become negative light on a straight line.
+    pub fn light(&self, value: f32) -> f32 {
+        match self {
+            _ if value <= 0.0 => value,
+            Self::Linear => value,
+            Self::Srgb if value <= 0.04045 => value / 12.92,
+            Self::Srgb => ((value + 0.055) / 1.055).powf(2.4),
+            Self::Bt709 if value < 0.081 => value / 4.5,
+            Self::Bt709 => ((value + 0.099) / 1.099).powf(1.0 / 0.45),
+            Self::Gamma(gamma) => value.powf(*gamma),
+            Self::Response(light) => {
+                let place = (value * 255.0).round().min(255.0) as usize;
+                light.get(place).copied().unwrap_or(value)
+            }
+        }
+    }
 }
 
 /// The samples of a color frame as the device delivered them.

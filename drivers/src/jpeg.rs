@@ -20,3 +20,44 @@ pub fn jpeg(picture: &Plane<[u8; 3]>, quality: u8) -> Vec<u8> {
     }
     file
 }
+
+/// Width and height in a JPEG picture's frame header, without decoding anything.
+///
+/// # Errors
+/// A sentence that says what is missing or wrong.
+#[cfg(target_os = "linux")]
+pub(crate) fn size_of_jpeg(file: &[u8]) -> Result<(usize, usize), String> {
+    let mut rest = file
+        .strip_prefix(&[0xff, 0xd8])
+        .ok_or("no JPEG: it does not begin with a start-of-image marker")?;
+    loop {
+        // Any number of fill bytes may stand before a marker (ITU-T T.81, B.1.1.2).
+        let start = rest.iter().take_while(|byte| **byte == 0xff).count();
+        let (marker, after) = match rest.get(start..) {
+            Some([marker, after @ ..]) if start > 0 => (*marker, after),
+            _ => return Err("a JPEG without a frame header".into()),
+        };
+        let length = match after {
+            [high, low, ..] => usize::from(u16::from_be_bytes([*high, *low])),
+            _ => return Err("a JPEG that ends in a header".into()),
+        };
+        let segment = after
+            .get(2..length)
+            .ok_or("a JPEG that ends within a segment")?;
+        match marker {
+            // Start of frame, of every coding process; 0xc4, 0xc8 and 0xcc are something else.
+            0xc0..=0xcf if !matches!(marker, 0xc4 | 0xc8 | 0xcc) => {
+                return match segment {
+                    [_, h1, h0, w1, w0, ..] => Ok((
+                        u16::from_be_bytes([*w1, *w0]).into(),
+                        u16::from_be_bytes([*h1, *h0]).into(),
+                    )),
+                    _ => Err("a JPEG with a short frame header".into()),
+                };
+            }
+            // Scan or end of image before any frame header.
+            0xd9 | 0xda => return Err("a JPEG without a frame header".into()),
+            _ => rest = &after[length..],
+        }
+    }
+}

@@ -9,17 +9,24 @@ pub mod calibration;
 pub mod chance;
 pub mod contract;
 pub mod device;
+#[cfg(target_os = "linux")]
+pub mod flash;
 pub mod flaky;
 pub mod frame;
 mod jpeg;
+pub mod lamp;
+#[cfg(target_os = "linux")]
+mod node;
 pub mod open;
 pub mod plane;
 pub mod recording;
 pub mod replay;
 pub mod synthetic;
+#[cfg(target_os = "linux")]
+pub mod v4l;
 
 pub use calibration::{DepthCamera, Distortion, FlashLamp, Intrinsics, Rig, RigidTransform};
-pub use device::{Device, DeviceInfo, DriverError, Settings, Stream};
+pub use device::{Device, DeviceInfo, DriverError, Losses, Settings, Stream};
 pub use frame::{
     BayerPattern, ColorFrame, DepthFrame, Exposure, Frame, Illumination, Pixels, Timestamp,
     Transfer,

@@ -9,6 +9,7 @@ use crate::{
 
 /// What an address looks like, for errors and for `--help`.
 pub const ADDRESSES: &str = "synthetic:LAYOUT?key=value&…, replay:FILE.mcap (or just FILE.mcap), \
+                             v4l:/dev/videoN?table.key=value&… or v4l:CAMERA.toml, \
                              flaky:key=value,…:ADDRESS";
 
 /// Opens the device at `address`.
@@ -37,6 +38,8 @@ pub fn open(address: &str) -> Result<Box<dyn Device>, DriverError> {
             Ok(Box::new(Synthetic::new(options)))
         }
         "replay" => Ok(Box::new(Replay::open(rest)?)),
+        #[cfg(target_os = "linux")]
+        "v4l" => Ok(Box::new(crate::v4l::V4l::open(rest)?)),
         "flaky" => {
             let (faults, inner) = rest.split_once(':').ok_or_else(|| {
                 refuse("the device to be wrapped is missing; flaky:drop=0.1:ADDRESS".into())
@@ -57,14 +60,16 @@ pub fn open(address: &str) -> Result<Box<dyn Device>, DriverError> {
 
 /// Devices that can be opened here and now.
 pub fn list() -> Vec<DeviceInfo> {
-    Layout::ALL
-        .iter()
-        .map(|layout| {
-            Synthetic::new(Options {
-                layout: *layout,
-                ..Options::default()
-            })
-            .info()
+    #[cfg(target_os = "linux")]
+    let cameras = crate::v4l::list();
+    #[cfg(not(target_os = "linux"))]
+    let cameras = Vec::new();
+    let synthetic = Layout::ALL.iter().map(|layout| {
+        Synthetic::new(Options {
+            layout: *layout,
+            ..Options::default()
         })
-        .collect()
+        .info()
+    });
+    cameras.into_iter().chain(synthetic).collect()
 }

@@ -3,7 +3,10 @@
 use super::{Answer, CommandError, progress::Progress};
 use crate::api::{DevicesReply, FaultKind};
 use clap::Args;
-use drivers::contract::{Verdict, check};
+use drivers::{
+    Losses,
+    contract::{Verdict, check},
+};
 
 /// Arguments of `check-device`.
 #[derive(Debug, Args)]
@@ -40,6 +43,13 @@ impl CheckDevice {
         });
         drop(progress);
         let mut lines = vec![format!("{}: {} frames", report.device, report.frames)];
+        let losses = report.losses;
+        if losses != Losses::default() {
+            lines.push(format!(
+                "  besides {} missed, {} broken and {} of unknown light; {} misdated",
+                losses.missed, losses.broken, losses.unlit, losses.misdated
+            ));
+        }
         lines.extend(report.claims.iter().map(|claim| {
             let verdict = match claim.verdict {
                 Verdict::Pass => "holds",

@@ -3,7 +3,7 @@
 //! A flash only adds light, most where things are near, so a flash frame is brighter than the
 //! ambient frame beside it, and not by one factor everywhere as under flickering mains.
 
-use drivers::{ColorFrame, Pixels, Plane, Transfer};
+use drivers::{ColorFrame, Pixels, Plane};
 
 /// Blocks across and down that a picture is summed up in.
 const COLUMNS: usize = 16;
@@ -81,8 +81,8 @@ impl Brightness {
                             clipped += 1.0;
                         } else if rgb.iter().all(|v| !v.is_nan()) {
                             let range = frame.white_level - frame.black_level;
-                            let light = rgb
-                                .map(|v| linear((v - frame.black_level) / range, &frame.transfer));
+                            let light =
+                                rgb.map(|v| frame.transfer.light((v - frame.black_level) / range));
                             sum += (light[0] + light[1] + light[2]) / 3.0;
                             count += 1.0;
                         }
@@ -171,23 +171,6 @@ fn quad(samples: &Plane<u16>, x: usize, y: usize) -> f32 {
 /// Luma of BT.601 limited range as a value in [0, 1].
 fn limited(luma: Option<&u8>) -> f32 {
     luma.map_or(f32::NAN, |v| (f32::from(*v) - 16.0) / 219.0)
-}
-
-/// Light of a value in [0, 1]. Values below black become negative light on a straight line.
-fn linear(value: f32, transfer: &Transfer) -> f32 {
-    match transfer {
-        _ if value <= 0.0 => value,
-        Transfer::Linear => value,
-        Transfer::Srgb if value <= 0.04045 => value / 12.92,
-        Transfer::Srgb => ((value + 0.055) / 1.055).powf(2.4),
-        Transfer::Bt709 if value < 0.081 => value / 4.5,
-        Transfer::Bt709 => ((value + 0.099) / 1.099).powf(1.0 / 0.45),
-        Transfer::Gamma(gamma) => value.powf(*gamma),
-        Transfer::Response(light) => {
-            let place = (value * 255.0).round().min(255.0) as usize;
-            light.get(place).copied().unwrap_or(value)
-        }
-    }
 }
 
 /// Luma of a JPEG whose size is what was declared; nothing is decoded otherwise.

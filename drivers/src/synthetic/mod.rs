@@ -257,7 +257,7 @@ impl Device for Synthetic {
         });
         // One second of virtual time: no frame starts before the clock does.
         let started = if self.options.real_time {
-            monotonic()
+            Timestamp::now()
         } else {
             Timestamp::from_nanos(1_000_000_000)
         };
@@ -271,12 +271,6 @@ impl Device for Synthetic {
             next: 0,
         }))
     }
-}
-
-fn monotonic() -> Timestamp {
-    let now = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
-    let seconds = u64::try_from(now.tv_sec).unwrap_or(0);
-    Timestamp::from_nanos(seconds * 1_000_000_000 + u64::try_from(now.tv_nsec).unwrap_or(0))
 }
 
 struct Running<'a> {
@@ -400,8 +394,9 @@ impl Stream for Running<'_> {
             if self.options.real_time {
                 // A frame is there once it has been exposed.
                 let there = at.after(Duration::from_secs_f32(self.exposure.seconds));
-                let wait =
-                    Duration::from_nanos(there.as_nanos().saturating_sub(monotonic().as_nanos()));
+                let wait = Duration::from_nanos(
+                    there.as_nanos().saturating_sub(Timestamp::now().as_nanos()),
+                );
                 if wait > left {
                     std::thread::sleep(left);
                     return Err(DriverError::Timeout {

@@ -1,0 +1,68 @@
+//! Flash lamps: how each kind is lit, and what keeps every one of them from staying lit.
+//!
+//! Three bounds lie around a lamp. Hardware or kernel end a pulse where they can (flash timeout of a
+//! subdevice or LED, the `transient` trigger of a plain LED). Where they cannot, a thread of the
+//! driver does (`fuse`). Around both, a budget keeps the heat down (`budget`). Each lamp goes dark
+//! when it is dropped.
+
+mod budget;
+mod control;
+mod fuse;
+mod gpio;
+mod led;
+pub mod metering;
+mod plan;
+mod subdevice;
+
+pub use plan::{Kind, Mode, Plan};
+
+use crate::{
+    device::DriverError,
+    frame::Timestamp,
+    lamp::{Lamp, Moment},
+};
+use std::{path::Path, time::Duration};
+
+/// Opens the lamp of a plan, dark; `None` when the plan has none.
+///
+/// `camera` is the node whose control is used where the plan names no node.
+///
+/// # Errors
+/// [`DriverError::NoDevice`] when it is not there or may not be opened, saying what to do;
+/// [`DriverError::Setting`] for something it cannot do; else as [`Lamp::fire`].
+pub fn open(plan: &Plan, camera: &Path) -> Result<Option<Box<dyn Lamp>>, DriverError> {
+    let lamp: Box<dyn Lamp> = match plan.kind {
+        Kind::None => return Ok(None),
+        Kind::Subdevice => Box::new(subdevice::Subdevice::open(plan)?),
+        Kind::Led => led::open(plan)?,
+        Kind::Gpio => Box::new(gpio::Gpio::open(plan)?),
+        Kind::Control => Box::new(control::ControlLamp::open(plan, camera)?),
+    };
+    let lamp = if lamp.reach().bounded_by_kernel {
+        lamp
+    } else {
+        Box::new(fuse::Fuse::new(lamp)?)
+    };
+    Ok(Some(Box::new(budget::Budget::new(lamp, plan))))
+}
+
+/// The moment at which `act` took effect: it began before and was over after.
+fn during<T>(
+    latency: Duration,
+    act: impl FnOnce() -> Result<T, DriverError>,
+) -> Result<(Moment, T), DriverError> {
+    let earliest = Timestamp::now();
+    let answer = act()?;
+    let latest = Timestamp::now().after(latency);
+    Ok((Moment { earliest, latest }, answer))
+}
+
+/// What a plan allows at once.
+fn longest(plan: &Plan) -> Duration {
+    Duration::from_secs_f64(plan.longest_seconds)
+}
+
+/// See [`Plan::latency_seconds`].
+fn latency(plan: &Plan) -> Duration {
+    Duration::from_secs_f64(plan.latency_seconds.max(0.0))
+}

@@ -1,0 +1,170 @@
+//! When the lamp fires and goes dark, so that every `flash_every`-th frame is lit from end to end.
+
+use super::clock::Clock;
+use crate::{
+    device::DriverError,
+    frame::{Illumination, Timestamp},
+    lamp::{Lamp, Timeline},
+};
+use std::time::Duration;
+
+/// The lamp of a stream and what it is doing.
+pub(super) struct Bracket {
+    lamp: Option<Box<dyn Lamp>>,
+    timeline: Timeline,
+    every: u32,
+    /// Ambient frames since the last flash frame.
+    ambient: u32,
+    /// Until when a lit frame may still arrive, while one is waited for.
+    burning: Option<Timestamp>,
+    /// When the next flash is due, once that has been worked out.
+    planned: Option<Timestamp>,
+    /// Flashes in a row without a frame that was lit throughout.
+    vain: u32,
+    device: String,
+}
+
+/// Light before and after an exposure for which it is timed: what timers and buses may be late.
+const LEAD: Duration = Duration::from_millis(3);
+/// Flashes in a row without a lit frame after which something is wrong.
+const MOST_VAIN: u32 = 8;
+
+impl Bracket {
+    pub fn new(lamp: Option<Box<dyn Lamp>>, every: u32, device: String) -> Self {
+        Self {
+            lamp,
+            timeline: Timeline::default(),
+            every,
+            ambient: 0,
+            burning: None,
+            planned: None,
+            vain: 0,
+            device,
+        }
+    }
+
+    /// Longest exposure with readout that the lamp can light; `None` without a lamp.
+    pub fn longest_exposure(&self, period: Duration) -> Option<Duration> {
+        let reach = self.lamp.as_ref()?.reach();
+        let around = length_of(&reach, Duration::ZERO, period);
+        Some(reach.longest.saturating_sub(around))
+    }
+
+    /// The light of a frame exposed from `start` for `length`; `None` = unknown.
+    pub fn light(&self, start: Timestamp, length: Duration) -> Option<Illumination> {
+        self.timeline.light(start, start.after(length))
+    }
+
+    /// Notes a frame that was delivered; a flash frame puts the lamp out.
+    pub fn delivered(&mut self, light: Illumination) -> Result<(), DriverError> {
+        match light {
+            Illumination::Ambient => self.ambient += 1,
+            Illumination::Flash => {
+                self.ambient = 0;
+                self.vain = 0;
+                self.burning = None;
+                self.darken()?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Puts the lamp out.
+    pub fn darken(&mut self) -> Result<(), DriverError> {
+        if let Some(lamp) = &mut self.lamp {
+            let out = lamp.put_out()?;
+            self.timeline.put_out(out);
+        }
+        Ok(())
+    }
+
+    /// Fires when its time has come; answers when to ask again. `length` is that of an exposure
+    /// with readout, `period` that from frame to frame.
+    pub fn act(
+        &mut self,
+        now: Timestamp,
+        clock: &Clock,
+        length: Duration,
+        period: Duration,
+    ) -> Result<Option<Timestamp>, DriverError> {
+        let Some(lamp) = &mut self.lamp else {
+            return Ok(None);
+        };
+        if let Some(until) = self.burning {
+            if now <= until {
+                return Ok(Some(until));
+            }
+            self.burning = None;
+            self.vain += 1;
+            if self.vain >= MOST_VAIN {
+                return Err(DriverError::Hardware {
+                    device: self.device.clone(),
+                    problem: format!(
+                        "the flash fired {MOST_VAIN} times, and no frame was lit from end to end"
+                    ),
+                    remedy: "give color.readout_seconds and flash.latency_seconds as they are, or \
+                             shorten the exposure",
+                });
+            }
+        }
+        if self.ambient + 1 < self.every {
+            return Ok(None);
+        }
+        let reach = lamp.reach();
+        let flash = length_of(&reach, length, period);
+        let soonest = lamp.ready_at(flash).max(now);
+        let due = match self.planned {
+            // A poll wakes up a little late; what was missed by more is for the next frame.
+            Some(planned) if now <= planned.after(LEAD / 2) => planned,
+            _ if !reach.bounded_by_kernel => soonest,
+            _ => {
+                let lead = LEAD + reach.latency;
+                match clock.next_start(soonest.after(lead)) {
+                    Some(start) => start.before(lead),
+                    // Without two frames there is nothing to foretell from.
+                    None => return Ok(None),
+                }
+            }
+        };
+        self.planned = Some(due);
+        if due > now {
+            return Ok(Some(due));
+        }
+        self.planned = None;
+        let lit = lamp.fire(flash)?;
+        self.timeline.add(lit);
+        // The last lit frame is on its way for a few frames' time.
+        self.burning = Some(lit.until.latest.after(4 * period));
+        Ok(self.burning)
+    }
+
+    /// Whether the lamp can light a frame of this length at all.
+    pub fn check(&self, length: Duration, period: Duration) -> Result<(), DriverError> {
+        let Some(lamp) = &self.lamp else {
+            return Ok(());
+        };
+        let reach = lamp.reach();
+        let needed = length_of(&reach, length, period);
+        if needed <= reach.longest {
+            return Ok(());
+        }
+        Err(DriverError::Setting {
+            device: self.device.clone(),
+            setting: "flash.longest_seconds",
+            reason: format!(
+                "a frame of {length:?} needs light for {needed:?}, and {:?} is the lamp's bound; \
+                 shorten the exposure, raise the bound, or give color.readout_seconds",
+                reach.longest
+            ),
+        })
+    }
+}
+
+/// How long light is needed: for one timed exposure, or for whichever comes first.
+fn length_of(reach: &crate::lamp::Reach, length: Duration, period: Duration) -> Duration {
+    if reach.bounded_by_kernel {
+        length + 2 * (LEAD + reach.latency)
+    } else {
+        length + 2 * period + 2 * reach.latency + LEAD
+    }
+}
