@@ -1,0 +1,8 @@
+//! The drivers against real kernel drivers. `tests/guest/run` boots a kernel that has them and runs
+//! these tests there; elsewhere they are ignored, as no machine has this hardware.
+#![cfg(target_os = "linux")]
+
+mod flash;
+mod machine;
+mod usb;
+mod vivid;

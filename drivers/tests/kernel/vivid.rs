@@ -1,0 +1,301 @@
+//! A color and a depth camera of the kernel's virtual video driver, whose brightness plays the flash.
+
+use crate::machine::{
+    PATIENCE, color_frames, failure, held, is_long, lumas, number, recovery, set_control, wait_for,
+    write,
+};
+use drivers::{DriverError, Frame, Settings, contract, contract::Verdict, open};
+use std::time::Duration;
+
+const COLOR: &str = "/dev/video0";
+const DEPTH: &str = "/dev/video1";
+
+/// Ids of the driver's own controls (`drivers/media/test-drivers/vivid/vivid-ctrls.c`).
+const VIVID: u32 = 0x00f0_f000;
+const TIMESTAMP_SOURCE: u32 = VIVID + 24;
+const COLORSPACE: u32 = VIVID + 25;
+/// As the driver starts.
+const SRGB: i64 = 2;
+const WRAP_SEQUENCE: u32 = VIVID + 38;
+const WRAP_TIME: u32 = VIVID + 39;
+const DROPPED_PERCENT: u32 = VIVID + 64;
+const DISCONNECT: u32 = VIVID + 65;
+const FLAG_ERROR: u32 = VIVID + 66;
+const FAIL_REQBUFS: u32 = VIVID + 67;
+const FAIL_QBUF: u32 = VIVID + 68;
+const FAIL_STREAMON: u32 = VIVID + 69;
+const FATAL: u32 = VIVID + 70;
+
+const FLASH: &str = "flash.kind=control&flash.control=brightness&flash.on=220&flash.off=100";
+
+fn address(color: &str, depth: &str) -> String {
+    format!(
+        "v4l:bus:platform:vivid-000?color.format={color}&color.width=320&color.height=180&\
+         color.frames_per_second=25&depth.frames_per_second=25&depth.node=bus:platform:vivid-001&depth.format={depth}&depth.width=320&depth.height=180&\
+         depth.unit_metres=0.0001&{FLASH}"
+    )
+}
+
+#[test]
+#[ignore = "needs the kernel of tests/guest/run"]
+fn every_format_upholds_the_contract() {
+    let color = [
+        "YUYV", "NV12", "RGB3", "BGR3", "GREY", "Y10", "Y12", "Y16", "BA81", "GBRG", "GRBG",
+        "RGGB", "BG10", "GB10", "BA10", "RG10", "BG12", "GB12", "BA12", "RG12", "BYR2", "GB16",
+        "GR16", "RG16",
+    ];
+    let depth = ["Y12", "Y10", "GREY"];
+    let cases = color.map(|color| (color, "Y16"));
+    for (color, depth) in cases.into_iter().chain(depth.map(|depth| ("YUYV", depth))) {
+        let address = address(color, depth);
+        let mut device = open(&address).unwrap();
+        let report = contract::check(device.as_mut(), 24, &mut |_| {});
+        let open = report
+            .claims
+            .iter()
+            .filter(|claim| claim.verdict != Verdict::Pass);
+        let open: Vec<_> = open.collect();
+        assert!(report.passed(), "{color}, {depth}: {open:?}");
+        let lights = report.claim("both_lights_appear").unwrap();
+        assert_eq!(lights.verdict, Verdict::Pass, "{color}: {lights:?}");
+        eprintln!(
+            "{color} with {depth} as depth: {} claims hold",
+            report.claims.len() - open.len()
+        );
+    }
+}
+
+#[test]
+#[ignore = "needs the kernel of tests/guest/run"]
+fn no_frame_has_the_wrong_light_though_every_fifth_is_lost() {
+    set_control(COLOR, DROPPED_PERCENT, 20);
+    let mut device = open(&address("YUYV", "Y16")).unwrap();
+    let mut stream = device.start(&Settings::default()).unwrap();
+    let frames = color_frames(stream.as_mut(), if is_long() { 1000 } else { 150 });
+    let losses = stream.losses();
+    drop(stream);
+    set_control(COLOR, DROPPED_PERCENT, 0);
+    let (flash, ambient) = lumas(&frames);
+    assert!(
+        flash.len() >= frames.len() / 5,
+        "{} flash frames",
+        flash.len()
+    );
+    let darkest = flash.iter().copied().fold(f64::INFINITY, f64::min);
+    let brightest = ambient.iter().copied().fold(0.0, f64::max);
+    eprintln!(
+        "{} flash frames of luma {darkest:.0} and more, {} ambient ones of {brightest:.0} and less, {losses:?}",
+        flash.len(),
+        ambient.len()
+    );
+    assert!(darkest > brightest + 30.0);
+    assert!(losses.missed > 0, "{losses:?}");
+}
+
+#[test]
+#[ignore = "needs the kernel of tests/guest/run"]
+fn each_injected_fault_is_a_typed_error_or_a_counted_loss_and_a_new_start_mends_it() {
+    let mut device = open(&address("YUYV", "Y16")).unwrap();
+    let settings = Settings::default();
+    // Faults at the start.
+    for (name, id) in [
+        ("REQBUFS", FAIL_REQBUFS),
+        ("QBUF", FAIL_QBUF),
+        ("STREAMON", FAIL_STREAMON),
+    ] {
+        for node in [COLOR, DEPTH] {
+            set_control(node, id, 1);
+            let error = device.start(&settings).err().expect("it started");
+            assert!(
+                matches!(error, DriverError::Hardware { .. }),
+                "{name}: {error}"
+            );
+            assert!(error.to_string().contains(node), "{name}: {error}");
+            recovery(device.as_mut(), Duration::from_secs(2));
+            eprintln!("{name} of {node}: {error}");
+        }
+    }
+    // Faults in the middle.
+    for node in [COLOR, DEPTH] {
+        let mut stream = device.start(&settings).unwrap();
+        color_frames(stream.as_mut(), 2);
+        set_control(node, FATAL, 1);
+        let (error, took) = failure(stream.as_mut(), Duration::from_secs(2));
+        assert!(matches!(error, DriverError::Hardware { .. }), "{error}");
+        eprintln!("fatal error of {node} after {took:?}: {error}");
+        drop(stream);
+        recovery(device.as_mut(), Duration::from_secs(2));
+    }
+    // Losses that are counted, while frames keep coming.
+    let mut stream = device.start(&settings).unwrap();
+    color_frames(stream.as_mut(), 2);
+    for _ in 0..3 {
+        set_control(COLOR, FLAG_ERROR, 1);
+        color_frames(stream.as_mut(), 2);
+    }
+    assert_eq!(stream.losses().broken, 3);
+    drop(stream);
+    for (name, id, value) in [
+        ("wrapping sequence", WRAP_SEQUENCE, 1),
+        ("wrapping time", WRAP_TIME, 1),
+        ("start of exposure", TIMESTAMP_SOURCE, 1),
+        // Rec. 709, which is not what YUYV frames promise.
+        ("another matrix", COLORSPACE, 1),
+    ] {
+        set_control(COLOR, id, value);
+        let report = contract::check(device.as_mut(), 24, &mut |_| {});
+        let failed = report
+            .claims
+            .iter()
+            .filter(|claim| claim.verdict == Verdict::Fail);
+        assert!(report.passed(), "{name}: {:?}", failed.collect::<Vec<_>>());
+        eprintln!("{name}: the contract holds");
+        set_control(COLOR, id, if id == COLORSPACE { SRGB } else { 0 });
+    }
+    // Silence without an error.
+    for (node, typed) in [(COLOR, "stalls"), (DEPTH, "stalls")] {
+        let mut stream = device.start(&settings).unwrap();
+        color_frames(stream.as_mut(), 2);
+        set_control(node, DROPPED_PERCENT, 100);
+        let (error, took) = failure(stream.as_mut(), Duration::from_secs(5));
+        eprintln!("{node} {typed}, told after {took:?}: {error}");
+        assert!(
+            matches!(&error, DriverError::Hardware { problem, .. } if problem.contains("delivers nothing")),
+            "{error}"
+        );
+        set_control(node, DROPPED_PERCENT, 0);
+        drop(stream);
+        recovery(device.as_mut(), Duration::from_secs(2));
+    }
+    let mut stream = device.start(&settings).unwrap();
+    for node in [COLOR, DEPTH] {
+        set_control(node, DROPPED_PERCENT, 100);
+    }
+    let short = Duration::from_millis(150);
+    while stream.next_frame(short).is_ok() {}
+    let error = stream.next_frame(short).unwrap_err();
+    assert!(matches!(error, DriverError::Timeout { .. }), "{error}");
+    for node in [COLOR, DEPTH] {
+        set_control(node, DROPPED_PERCENT, 0);
+    }
+    stream
+        .next_frame(PATIENCE)
+        .expect("a stream may be asked again");
+}
+
+#[test]
+#[ignore = "needs the kernel of tests/guest/run"]
+fn what_cannot_be_opened_says_why() {
+    struct Case(&'static str, &'static str);
+    let cases = [
+        Case("/dev/video77", "no such file"),
+        Case("card:Nikon", "cameras are /dev/video0"),
+        Case("/dev/null", "ENOTTY"),
+        Case("/dev/video0?color.format=H264", "it offers"),
+        Case("/dev/video0?color.width=321&color.height=7", "320×180"),
+        Case(
+            "/dev/video0?depth.node=/dev/video1&depth.format=YUYV",
+            "as depth",
+        ),
+    ];
+    for Case(place, says) in cases {
+        let error = open(&format!("v4l:{place}"))
+            .err()
+            .expect("it opened")
+            .to_string();
+        assert!(error.contains(says), "{place}: {error}");
+        eprintln!("{error}");
+    }
+    let listed: Vec<_> = drivers::list()
+        .into_iter()
+        .filter(|info| info.driver.contains("vivid"))
+        .collect();
+    assert_eq!(listed.len(), 2, "{listed:?}");
+    // A node that streams for somebody else is busy.
+    let mut first = open("v4l:/dev/video0").unwrap();
+    let stream = first.start(&Settings::default()).unwrap();
+    let error = match open("v4l:/dev/video0?color.width=640&color.height=360") {
+        Err(error) => error.to_string(),
+        Ok(mut second) => second
+            .start(&Settings::default())
+            .err()
+            .expect("two streams")
+            .to_string(),
+    };
+    assert!(error.contains("busy"), "{error}");
+    eprintln!("{error}");
+    drop(stream);
+}
+
+#[test]
+#[ignore = "needs the kernel of tests/guest/run"]
+fn a_device_that_goes_and_comes_back_streams_again_and_nothing_is_left_behind() {
+    let cycles = if is_long() { 200 } else { 20 };
+    let mut device = open(&address("YUYV", "Y16")).unwrap();
+    let (mut losses, mut returns) = (Vec::new(), Vec::new());
+    let mut before = None;
+    for cycle in 0..cycles {
+        let mut stream = device.start(&Settings::default()).unwrap();
+        color_frames(stream.as_mut(), 2);
+        write("/sys/bus/platform/drivers/vivid/unbind", "vivid.0");
+        let (error, took) = failure(stream.as_mut(), Duration::from_secs(1));
+        assert!(
+            matches!(error, DriverError::Unplugged { .. }),
+            "cycle {cycle}: {error}"
+        );
+        losses.push(took);
+        drop(stream);
+        assert!(
+            device.start(&Settings::default()).is_err(),
+            "it is not there"
+        );
+        write("/sys/bus/platform/drivers/vivid/bind", "vivid.0");
+        wait_for(COLOR);
+        wait_for(DEPTH);
+        returns.push(recovery(device.as_mut(), Duration::from_secs(5)));
+        if cycle == 4 {
+            before = Some(held());
+        }
+    }
+    let (files, threads, resident) = held();
+    let (files_before, threads_before, resident_before) = before.unwrap();
+    losses.sort();
+    returns.sort();
+    let late = |times: &[Duration]| times[times.len() * 95 / 100];
+    eprintln!(
+        "{cycles} cycles: loss told within {:?} (p95 {:?}), frames again within {:?} (p95 {:?}); \
+         files {files_before} → {files}, threads {threads_before} → {threads}, \
+         resident {resident_before} → {resident} KiB",
+        losses.last().unwrap(),
+        late(&losses),
+        returns.last().unwrap(),
+        late(&returns),
+    );
+    assert!(*losses.last().unwrap() <= Duration::from_millis(250));
+    assert!(late(&returns) <= Duration::from_secs(2));
+    assert_eq!((files, threads), (files_before, threads_before));
+    assert!(resident - resident_before <= 1024, "KiB");
+    // The kernel's own way of pulling the plug: the node stays, and every call fails.
+    let mut stream = device.start(&Settings::default()).unwrap();
+    color_frames(stream.as_mut(), 2);
+    set_control(COLOR, DISCONNECT, 1);
+    let (error, took) = failure(stream.as_mut(), Duration::from_secs(1));
+    assert!(matches!(error, DriverError::Unplugged { .. }), "{error}");
+    assert!(took <= Duration::from_millis(250), "{took:?}");
+    drop(stream);
+    write("/sys/bus/platform/drivers/vivid/unbind", "vivid.0");
+    write("/sys/bus/platform/drivers/vivid/bind", "vivid.0");
+    wait_for(COLOR);
+    recovery(device.as_mut(), Duration::from_secs(5));
+    assert_eq!(
+        number("/sys/module/vivid/refcnt"),
+        0,
+        "a node was left open"
+    );
+    let frame = device
+        .start(&Settings::default())
+        .unwrap()
+        .next_frame(PATIENCE)
+        .unwrap();
+    assert!(matches!(frame, Frame::Color(_) | Frame::Depth(_)));
+}
