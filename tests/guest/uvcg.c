@@ -65,7 +65,7 @@ static void fill_probe(void) {
 }
 static int epfd = -1;
 static void *pump(void *a) {
-	uint8_t *fr = malloc(614400), pl[16384]; int fid = 0; uint32_t n = 0; struct timespec t; 
+	uint8_t *fr = malloc(614400), pl[16384]; int fid = 0; uint32_t n = 0; struct timespec t;
 	clock_gettime(CLOCK_MONOTONIC, &t);
 	for (;; n++) {
 		if (!streaming) { usleep(20000); clock_gettime(CLOCK_MONOTONIC, &t); n = 0; continue; }
@@ -114,7 +114,7 @@ static void setup(struct usb_ctrlrequest *s) {
 		else { n = read(ep0, b, len); if (n > 0) { bright = b[0];  } return; }
 	}
 	if (n < 0) { stall(in); return; }
-	if (n > len) n = len; 
+	if (n > len) n = len;
 	if (in) { if (write(ep0, b, n) < 0) printf("uvcg: ep0 write %s\n", strerror(errno)); }
 }
 int main(int c, char **v) {
