@@ -44,8 +44,12 @@ export class Hemisphere {
     const words = this.direction.map((value) => value.toFixed(2)).join(", ");
     this.output.textContent = words;
     this.canvas.setAttribute("aria-valuetext", `x ${words.replaceAll(", ", " ")}`);
-    this.draw();
     this.changed();
+    // Pointers move more often than the screen shows.
+    this.waiting ??= requestAnimationFrame(() => {
+      this.waiting = undefined;
+      this.draw();
+    });
   }
 
   draw() {
@@ -80,11 +84,11 @@ export class Hemisphere {
     pen.lineTo(r * 1.97, r);
     pen.stroke();
     pen.fillStyle = "#f2b75c";
-    pen.shadowColor = "#f2b75c";
-    pen.shadowBlur = 12 * scale;
     pen.beginPath();
     pen.arc(lx, ly, 8 * scale, 0, 7);
     pen.fill();
-    pen.shadowBlur = 0;
+    pen.strokeStyle = "#f2b75c55";
+    pen.lineWidth = 5 * scale;
+    pen.stroke();
   }
 }

@@ -3,7 +3,7 @@
 export class Picture {
   constructor(canvas, overlay, divider, tags) {
     Object.assign(this, { canvas, overlay, divider, tags, before: null, after: null, share: 0.5 });
-    this.pen = canvas.getContext("2d");
+    this.pen = canvas.getContext("2d", { alpha: false });
     const move = (event) => {
       const box = canvas.getBoundingClientRect();
       this.part((event.clientX - box.left) / box.width);
