@@ -60,7 +60,7 @@ pub struct Eval {
     /// row that uses no depth, the same folder again).
     #[arg(long, value_name = "ROW[:NAME]=DIR", value_parser = answers, requires = "depth_noise")]
     noisy_answers: Vec<RowFolder>,
-    /// An earlier report of the same captures, made with another backend: its rows of networks join the
+    /// An earlier report of some of the captures, made with another backend: its rows of networks join the
     /// chart of speed and accuracy.
     #[arg(long, value_name = "REPORT", requires = "report")]
     beside: Option<PathBuf>,

@@ -1,4 +1,4 @@
-//! Rows of another report of the same captures, made with another backend: one process holds one.
+//! Rows of another report of some of the same captures, made with another backend: one process holds one.
 
 use super::light_error::Decibel;
 use super::report::Report;
@@ -17,16 +17,13 @@ pub enum BesideError {
     #[error("{}: {problem}; give the folder of a report that `capturectl eval --report` wrote", path.display())]
     Unreadable { path: PathBuf, problem: String },
     #[error(
-        "{}: is a report of other captures ({found} of them, {expected} here); make it of the same ones", path.display()
+        "{}: is a report of another capture, {capture}; make it of captures that stand here", path.display()
     )]
-    OtherCaptures {
-        path: PathBuf,
-        found: usize,
-        expected: usize,
-    },
+    OtherCapture { path: PathBuf, capture: String },
 }
 
-/// A row of networks as another backend ran it.
+/// A row of networks as another backend ran it. Its answers are those of the row here: backends differ in
+/// their time.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct OtherBackend {
     /// As in [`super::roster::Row::label`].
@@ -37,7 +34,7 @@ pub struct OtherBackend {
     pub parameters: u64,
     /// Mean over captures of the median milliseconds per relit picture.
     pub relight_ms: f64,
-    /// Mean PSNR in linear light.
+    /// Mean PSNR in linear light, of the row here.
     pub mean_db: Decibel,
     /// The lowest mean PSNR of a part of the hemisphere.
     pub worst_db: Decibel,
@@ -60,20 +57,13 @@ struct OtherRow {
     label: String,
     parameters: Option<u64>,
     backend: Option<String>,
-    mean: Option<Mean>,
-    worst_direction: Option<Mean>,
     relight_ms: Option<f64>,
-}
-
-#[derive(Deserialize)]
-struct Mean {
-    linear_psnr_db: Decibel,
 }
 
 /// The rows of networks in the report in `folder`, of clean depth, that relight.
 ///
 /// # Errors
-/// [`BesideError`] when there is no such report, or one of other captures than `report`'s.
+/// [`BesideError`] when there is no such report, or one of a capture that `report` does not have.
 pub fn other_backends(folder: &Path, report: &Report) -> Result<Vec<OtherBackend>, BesideError> {
     let path = folder.join("report.json");
     let unreadable = |problem: String| BesideError::Unreadable {
@@ -87,27 +77,32 @@ pub fn other_backends(folder: &Path, report: &Report) -> Result<Vec<OtherBackend
     let text = std::fs::read(&path).map_err(|error| unreadable(error.to_string()))?;
     let other: Other =
         serde_json::from_slice(&text).map_err(|error| unreadable(error.to_string()))?;
-    let names: Vec<&str> = other.captures.iter().map(|one| one.name.as_str()).collect();
-    if names != report.capture_names() {
-        return Err(BesideError::OtherCaptures {
-            path: path.clone(),
-            found: names.len(),
-            expected: report.captures.len(),
+    let here = report.capture_names();
+    if let Some(other) = other
+        .captures
+        .iter()
+        .find(|one| !here.contains(&one.name.as_str()))
+    {
+        return Err(BesideError::OtherCapture {
+            path,
+            capture: other.name.clone(),
         });
     }
     let rows = other.rows.into_iter().filter_map(|row| {
+        let same =
+            |here: &&RowSummary| here.label == row.label && here.parameters == row.parameters;
+        let here = report.rows.iter().find(same)?;
+        let figures = here.figures.present()?;
         let one = OtherBackend {
-            label: row.label,
             backend: row.backend?,
             parameters: row.parameters?,
             relight_ms: row.relight_ms?,
-            mean_db: row.mean?.linear_psnr_db,
-            worst_db: row.worst_direction?.linear_psnr_db,
+            mean_db: figures.mean?.linear_psnr_db,
+            worst_db: figures.worst_direction?.linear_psnr_db,
+            label: row.label,
         };
-        let same = |here: &RowSummary| {
-            here.label == one.label && here.backend.as_ref() == Some(&one.backend)
-        };
-        (one.parameters > 0 && !report.rows.iter().any(same)).then_some(one)
+        let elsewhere = here.backend.as_ref() != Some(&one.backend);
+        (one.parameters > 0 && elsewhere).then_some(one)
     });
     Ok(rows.collect())
 }

@@ -236,3 +236,34 @@ fn the_contact_sheet_shows_ninety_states_and_replaces_nothing() {
     )
     .refuses(2, &["--sheet"]);
 }
+
+#[test]
+fn a_report_that_cannot_stand_beside_another_is_refused_and_a_summary_keeps_what_its_page_names() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["a", "b"] {
+        capture(folder.path(), name);
+    }
+    let eval = |arguments: &[&str]| {
+        let arguments = [&["eval", "--no-networks"], arguments].concat();
+        capturectl(folder.path(), &arguments)
+    };
+    eval(&["a", "--summary"]).refuses(2, &["--report"]);
+    eval(&["a", "--beside", "b-report"]).refuses(2, &["--report"]);
+    eval(&["a", "--report", "out", "--beside", "b-report"]).refuses(3, &["b-report/report.json"]);
+    eval(&["b", "--report", "b-report"]).succeeds();
+    eval(&["a", "--report", "out", "--beside", "b-report"]).refuses(3, &["another capture, b"]);
+    let text = fs::read_to_string(folder.path().join("b-report/report.json")).unwrap();
+    fs::write(
+        folder.path().join("b-report/report.json"),
+        &text[..text.len() / 2],
+    )
+    .unwrap();
+    eval(&["b", "--report", "out", "--beside", "b-report"]).refuses(3, &["report.json", "EOF"]);
+    assert!(!folder.path().join("out").exists());
+
+    eval(&["a", "--report", "out", "--summary"]).succeeds();
+    let names = names_in(&folder.path().join("out"));
+    assert!(names.iter().any(|name| name == "index.html"));
+    let detailed = |name: &String| name.starts_with("report.") || name.starts_with("hemisphere_");
+    assert!(!names.iter().any(detailed), "{names:?}");
+}
