@@ -68,7 +68,8 @@ pub fn next_seconds(
     };
     let mut wanted = (seconds * factor).clamp(least, most);
     if let Some(period) = flicker_seconds.filter(|period| wanted >= *period) {
-        wanted = (wanted / period).floor() * period;
+        // A thousandth, so that rounding does not take a whole period away.
+        wanted = (wanted / period + 1e-3).floor() * period;
     }
     // Less than a hundredth is no change that a camera makes.
     ((wanted / seconds - 1.0).abs() > 0.01).then_some(wanted)
@@ -118,8 +119,14 @@ mod tests {
 
     #[test]
     fn times_are_multiples_of_the_flicker_where_there_is_room() {
-        let next = next_seconds(0.01, (0.25, 0.1), (0.0001, 0.1), Some(0.01));
-        assert_eq!(next, None, "0.03 s is right, and is a multiple");
+        let next = |flash| next_seconds(0.01, (flash, 0.1), (0.0001, 0.1), Some(0.01));
+        assert!((next(0.25).unwrap() - 0.03).abs() < 1e-6);
+        assert!(
+            (next(0.2).unwrap() - 0.03).abs() < 1e-6,
+            "37.5 ms are cut to 30"
+        );
+        assert!(next(1.0).unwrap() < 0.01, "too bright for a whole period");
+        assert_eq!(next(0.75), None);
     }
 
     proptest! {
