@@ -90,6 +90,10 @@ impl Bracket {
         let Some(lamp) = &mut self.lamp else {
             return Ok(None);
         };
+        // Somebody only looks through the camera.
+        if self.every == 0 {
+            return Ok(None);
+        }
         if let Some(until) = self.burning {
             if now <= until {
                 return Ok(Some(until));
