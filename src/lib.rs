@@ -6,6 +6,7 @@
 #![forbid(unsafe_code)]
 
 pub mod shot;
+pub mod timing;
 pub mod radiometry;
 pub mod registration;
 pub mod scene;

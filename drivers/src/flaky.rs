@@ -5,7 +5,7 @@ use crate::{
     calibration::Rig,
     chance::Chance,
     device::{Device, DeviceInfo, DriverError, Settings, Stream},
-    frame::{Frame, Illumination},
+    frame::{Frame, Illumination, Timestamp},
 };
 use std::{collections::VecDeque, time::Duration};
 
@@ -24,19 +24,26 @@ pub struct Faults {
     pub swap: f64,
     /// Probability that a color frame claims the other light.
     pub mislabel: f64,
+    /// Most color frames by which a command to the flash lands late. Drawn anew for every bracket; the
+    /// device claims the light it asked for, as a driver does that trusts its commands.
+    pub latency: u32,
+    /// Standard deviation added to the time of a frame, seconds; three of them at most.
+    pub jitter: f64,
     /// Probability that asking for a frame times out.
     pub timeout: f64,
     /// Frames after which the device is unplugged, in each session; 0 = never.
     pub unplug: u64,
 }
 
-const KNOWN: [address::Known; 8] = [
+const KNOWN: [address::Known; 10] = [
     ("seed", "whole number, 0"),
     ("drop", "probability, 0"),
     ("delay", "probability, 0"),
     ("duplicate", "probability, 0"),
     ("swap", "probability, 0"),
     ("mislabel", "probability, 0"),
+    ("latency", "color frames at most, 0"),
+    ("jitter", "seconds, 0"),
     ("timeout", "probability, 0"),
     ("unplug", "after so many frames, 0 = never"),
 ];
@@ -44,6 +51,8 @@ const KNOWN: [address::Known; 8] = [
 impl Faults {
     /// How many frames overtake a delayed one.
     pub const HELD_FRAMES: u32 = 4;
+    /// Greatest [`Faults::latency`].
+    pub const MOST_LATE: u32 = 32;
 
     /// Reads `drop=0.1,swap=0.05`.
     ///
@@ -60,6 +69,8 @@ impl Faults {
                 "duplicate" => faults.duplicate = chance()?,
                 "swap" => faults.swap = chance()?,
                 "mislabel" => faults.mislabel = chance()?,
+                "latency" => faults.latency = address::number(key, value, 0..=Self::MOST_LATE)?,
+                "jitter" => faults.jitter = address::number(key, value, 0.0..=1.0)?,
                 // With 1 no frame would ever come.
                 "timeout" => faults.timeout = address::number(key, value, 0.0..=0.99)?,
                 _ => faults.unplug = address::number(key, value, 0..=u64::MAX)?,
@@ -86,12 +97,15 @@ impl Flaky {
             duplicate,
             swap,
             mislabel,
+            latency,
+            jitter,
             timeout,
             unplug,
         } = faults;
         let address = format!(
             "flaky:seed={seed},drop={drop},delay={delay},duplicate={duplicate},swap={swap},\
-             mislabel={mislabel},timeout={timeout},unplug={unplug}:{}",
+             mislabel={mislabel},latency={latency},jitter={jitter},timeout={timeout},\
+             unplug={unplug}:{}",
             inner.info().address
         );
         Self {
@@ -125,6 +139,8 @@ impl Device for Flaky {
             asked: 0,
             taken: 0,
             given: 0,
+            lights: VecDeque::new(),
+            late: 0,
             held: Vec::new(),
             ready: VecDeque::new(),
         }))
@@ -140,6 +156,10 @@ struct Failing<'a> {
     asked: u64,
     taken: u64,
     given: u64,
+    /// Light of the latest color frames, the newest in front, and how many of them commands of this
+    /// bracket are late by.
+    lights: VecDeque<Illumination>,
+    late: u32,
     /// Frames waiting, each until so many others have passed.
     held: Vec<(u32, Frame)>,
     ready: VecDeque<Frame>,
@@ -153,6 +173,12 @@ impl Failing<'_> {
     fn disturb(&mut self, mut frame: Frame) {
         let n = self.taken;
         self.taken += 1;
+        if let Frame::Color(color) = &mut frame {
+            color.light = self.claimed(color.light, n);
+        }
+        if self.faults.jitter > 0.0 {
+            self.shake(&mut frame, n);
+        }
         if self.happens(1, self.faults.drop, n) {
             return;
         }
@@ -182,6 +208,32 @@ impl Failing<'_> {
         if let Some(copy) = copy {
             self.pass(copy);
         }
+    }
+
+    /// The light asked for when a frame of this light came: what lands late by so many frames was asked
+    /// for so many frames ago, and the pattern repeats.
+    fn claimed(&mut self, light: Illumination, n: u64) -> Illumination {
+        if self.faults.latency == 0 {
+            return light;
+        }
+        self.lights.push_front(light);
+        self.lights.truncate(self.faults.latency as usize + 1);
+        if light == Illumination::Flash {
+            let among = f64::from(self.faults.latency + 1);
+            self.late = (self.chance.of(7).unit(n) * among) as u32;
+        }
+        let asked = self.lights.get(self.late as usize);
+        asked.copied().unwrap_or(Illumination::Ambient)
+    }
+
+    fn shake(&self, frame: &mut Frame, n: u64) {
+        let by = self.faults.jitter * f64::from(self.chance.of(8).normal(n).clamp(-3.0, 3.0));
+        let at = match frame {
+            Frame::Color(frame) => &mut frame.at,
+            Frame::Depth(frame) => &mut frame.at,
+        };
+        let moved = at.as_nanos().saturating_add_signed((by * 1e9) as i64);
+        *at = Timestamp::from_nanos(moved);
     }
 
     /// Lets a frame through, and with it those that waited for it.

@@ -7,6 +7,7 @@ mod address;
 pub mod admission;
 pub mod calibration;
 pub mod chance;
+pub mod clock;
 pub mod contract;
 pub mod device;
 #[cfg(target_os = "linux")]
@@ -22,6 +23,7 @@ pub mod plane;
 pub mod recording;
 pub mod replay;
 pub mod synthetic;
+pub mod trigger;
 #[cfg(target_os = "linux")]
 pub mod v4l;
 

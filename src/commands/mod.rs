@@ -29,6 +29,7 @@ mod relight;
 mod runtime;
 mod shoot;
 mod spoiling;
+mod sync_report;
 
 pub use answer::Answer;
 pub use client::{Client, ClientError};
@@ -101,6 +102,8 @@ pub enum Command {
     Devices,
     /// Check that a device upholds the contract every driver must.
     CheckDevice(check_device::CheckDevice),
+    /// Say how well the cameras of a device keep time: offsets, jitter, drift.
+    SyncReport(sync_report::SyncReport),
     /// Relight captures that have truth, and measure the error.
     Eval(eval::Eval),
     /// Make a capture worse on purpose, in one or more of eighteen ways.
@@ -134,6 +137,7 @@ impl CommandLine {
             Command::Info(info) => info.run(),
             Command::Devices => check_device::list(),
             Command::CheckDevice(check) => check.run(),
+            Command::SyncReport(report) => report.run(&config),
             Command::Eval(eval) => eval.run(&config),
             Command::Corrupt(corrupt) => corrupt.run(&config),
             Command::Runtime(runtime) => runtime.run(&config),

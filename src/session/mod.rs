@@ -73,6 +73,7 @@ fn words(drops: &DropCounts) -> String {
         (drops.duplicate, "seen before"),
         (drops.late, "too late"),
         (drops.contradicted, "of a light their pixels contradict"),
+        (drops.partly_lit, "flash frames lit in a part of the rows"),
         (drops.unproven, "flash frames that could not be proved"),
         (
             drops.flash_without_ambient,
@@ -96,6 +97,9 @@ fn words(drops: &DropCounts) -> String {
 fn remedy(drops: &DropCounts) -> &'static str {
     if drops.contradicted + drops.unproven > 0 {
         "check that the flash fires and that the scene is neither clipped nor too far away"
+    } else if drops.partly_lit > 0 {
+        "let the flash burn from before the first row's exposure to after the last row's, or \
+         lengthen the exposure beyond the sensor's readout"
     } else if drops.flash_without_depth > 0 {
         "check the depth camera and the clocks of the two cameras"
     } else {

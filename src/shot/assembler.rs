@@ -293,6 +293,11 @@ impl Assembler {
             });
             return None;
         }
+        if !with(Comparison::PartlyBrighter).is_empty() {
+            self.color.remove(place);
+            self.drops.partly_lit += 1;
+            return None;
+        }
         if proving.len() < enough {
             self.color.remove(place);
             self.drops.unproven += 1;

@@ -17,6 +17,8 @@ pub struct DropCounts {
     /// Frames whose stated light the pixels contradict: a flash frame no brighter than a neighbour,
     /// and that neighbour.
     pub contradicted: u64,
+    /// Flash frames that the flash lit in a part of the rows only, as under a rolling shutter.
+    pub partly_lit: u64,
     /// Flash frames where nothing could be compared (all clipped).
     pub unproven: u64,
     /// Flash frames without an ambient frame near enough in time.
@@ -42,6 +44,7 @@ impl DropCounts {
             + self.duplicate
             + self.late
             + self.contradicted
+            + self.partly_lit
             + self.unproven
             + self.flash_without_ambient
             + self.flash_without_depth

@@ -3,6 +3,7 @@
 //! A flash only adds light, most where things are near, so a flash frame is brighter than the
 //! ambient frame beside it, and not by one factor everywhere as under flickering mains.
 
+use super::partial::{self, Strips};
 use drivers::{ColorFrame, Pixels, Plane};
 
 /// Blocks across and down that a picture is summed up in.
@@ -32,6 +33,7 @@ const FEW: usize = 8;
 #[derive(Debug, Clone)]
 pub(super) struct Brightness {
     blocks: Vec<f32>,
+    strips: Strips,
     /// Light that reaches the white level.
     white: f32,
 }
@@ -41,6 +43,9 @@ pub(super) struct Brightness {
 pub(super) enum Comparison {
     Brighter,
     NotBrighter,
+    /// Brighter in a part of the rows only, as a rolling shutter shows a flash that came too late or
+    /// ended too soon.
+    PartlyBrighter,
     /// Nothing could be compared.
     Unclear,
 }
@@ -68,37 +73,44 @@ impl Brightness {
             Pixels::Rgb16(plane) => &|x, y| plane[(x, y)].map(|v| f32::from(v) / 65535.0),
             Pixels::RgbF32(plane) => &|x, y| plane[(x, y)],
         };
-        let mut blocks = Vec::with_capacity(columns * rows);
-        for row in 0..rows {
-            let ys = row * height / rows..(row + 1) * height / rows;
-            for column in 0..columns {
-                let xs = column * width / columns..(column + 1) * width / columns;
-                let (mut sum, mut count, mut clipped) = (0.0, 0.0, 0.0);
-                for y in ys.clone().step_by(ys.len().div_ceil(SAMPLES).max(1)) {
-                    for x in xs.clone().step_by(xs.len().div_ceil(SAMPLES).max(1)) {
-                        let rgb = value(x, y);
-                        if rgb.iter().any(|v| *v >= CLIPPED * frame.white_level) {
-                            clipped += 1.0;
-                        } else if rgb.iter().all(|v| !v.is_nan()) {
-                            let range = frame.white_level - frame.black_level;
-                            let light =
-                                rgb.map(|v| frame.transfer.light((v - frame.black_level) / range));
-                            sum += (light[0] + light[1] + light[2]) / 3.0;
-                            count += 1.0;
+        let grid = |columns: usize, rows: usize, samples: usize| {
+            let mut cells = Vec::with_capacity(columns * rows);
+            for row in 0..rows {
+                let ys = row * height / rows..(row + 1) * height / rows;
+                for column in 0..columns {
+                    let xs = column * width / columns..(column + 1) * width / columns;
+                    let (mut sum, mut count, mut clipped) = (0.0, 0.0, 0.0);
+                    for y in ys.clone().step_by(ys.len().div_ceil(samples).max(1)) {
+                        for x in xs.clone().step_by(xs.len().div_ceil(samples).max(1)) {
+                            let rgb = value(x, y);
+                            if rgb.iter().any(|v| *v >= CLIPPED * frame.white_level) {
+                                clipped += 1.0;
+                            } else if rgb.iter().all(|v| !v.is_nan()) {
+                                let range = frame.white_level - frame.black_level;
+                                let light = rgb.map(|v| {
+                                    frame.transfer.light((v - frame.black_level) / range)
+                                });
+                                sum += (light[0] + light[1] + light[2]) / 3.0;
+                                count += 1.0;
+                            }
                         }
                     }
+                    // Without any sample this is 0/0: unknown.
+                    cells.push(if clipped > count {
+                        f32::INFINITY
+                    } else {
+                        sum / count / factor
+                    });
                 }
-                // Without any sample this is 0/0: unknown.
-                let mean = if clipped > count {
-                    f32::INFINITY
-                } else {
-                    sum / count / factor
-                };
-                blocks.push(mean);
             }
-        }
+            cells
+        };
+        let blocks = grid(columns, rows, SAMPLES);
+        let (across, down) = (partial::COLUMNS.min(width), partial::ROWS.min(height));
+        let strips = Strips::new(across, grid(across, down, partial::SAMPLES));
         Some(Self {
             blocks,
+            strips,
             white: 1.0 / factor,
         })
     }
@@ -134,6 +146,9 @@ impl Brightness {
         }
         if unexplained(&pairs) < UNEXPLAINED {
             return Comparison::NotBrighter;
+        }
+        if self.strips.partly_lit(&ambient.strips, rise, dark) {
+            return Comparison::PartlyBrighter;
         }
         Comparison::Brighter
     }

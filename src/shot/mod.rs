@@ -3,8 +3,11 @@
 mod assembler;
 mod drops;
 mod evidence;
+mod partial;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod virtual_time_tests;
 
 pub use assembler::{Assembler, Limits};
 pub use drops::DropCounts;

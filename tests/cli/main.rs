@@ -8,6 +8,7 @@ mod full_disk;
 mod json;
 mod lamps;
 mod spoiled;
+mod sync;
 mod report;
 mod table;
 mod tiers;

@@ -20,6 +20,7 @@ use crate::{
     address,
     calibration::Rig,
     chance::Chance,
+    clock::monotonic,
     device::{Device, DeviceInfo, DriverError, Settings, Stream},
     frame::{ColorFrame, DepthFrame, Exposure, Frame, Illumination, Timestamp},
     plane::Plane,

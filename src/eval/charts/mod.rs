@@ -12,11 +12,13 @@ mod region_bars;
 mod row_table;
 mod speed_accuracy;
 mod stability_curves;
+mod timing;
 
 use super::report::Report;
 use super::savings::Savings;
 pub use canvas::ChartError;
 pub use light_sets::light_sets;
+pub use timing::timing;
 
 /// Stems of the charts that a report may have, but for one `hemisphere_ROW` per row that relit
 /// something.
