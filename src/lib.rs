@@ -15,6 +15,7 @@ pub mod develop;
 pub mod verdict;
 pub mod parsimony;
 pub mod corruption;
+pub mod calibration;
 // ---- above: pure; below: IO ----
 pub mod output;
 pub mod folder;

@@ -174,6 +174,7 @@ fn shot() -> Shot {
             flash: FlashLamp {
                 position_metres: DVec3::new(0.02, 0.0, 0.0),
                 intensity: Some(475.0),
+                beam: drivers::Beam::default(),
             },
         },
         mask: Some(Plane::from_fn(24, 16, |x, _| x > 3)),

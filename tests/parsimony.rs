@@ -114,6 +114,7 @@ fn board(seed: u64) -> Shot {
             flash: FlashLamp {
                 position_metres: DVec3::ZERO,
                 intensity: Some(0.8),
+                beam: drivers::Beam::default(),
             },
         },
         mask: None,

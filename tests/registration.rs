@@ -54,6 +54,7 @@ fn rig(color: Intrinsics, depth: Intrinsics, turn: DVec3, shift: DVec3) -> Rig {
         flash: FlashLamp {
             position_metres: DVec3::ZERO,
             intensity: None,
+            beam: drivers::Beam::default(),
         },
     }
 }

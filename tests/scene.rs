@@ -27,6 +27,7 @@ fn rig(width: usize, height: usize) -> Rig {
     let flash = FlashLamp {
         position_metres: DVec3::ZERO,
         intensity: Some(INTENSITY),
+        beam: drivers::Beam::default(),
     };
     Rig {
         color,

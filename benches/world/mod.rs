@@ -181,6 +181,7 @@ pub fn depth_frame(
         flash: FlashLamp {
             position_metres: DVec3::ZERO,
             intensity: Some(0.5),
+            beam: drivers::Beam::default(),
         },
     };
     let metres = Plane::from_fn(width, height, |x, y| {

@@ -204,6 +204,13 @@ pub fn admit_rig(rig: &Rig) -> Result<(), Refusal> {
     if !rig.flash.position_metres.is_finite() {
         return refuse("rig.flash.position_metres", "not finite");
     }
+    let beam = rig.flash.beam;
+    if !beam.is_sound() {
+        return refuse(
+            "rig.flash.beam",
+            format!("{beam:?}; each number lies between -4 and 4"),
+        );
+    }
     match rig.flash.intensity {
         Some(value) if !(value.is_finite() && value > 0.0) => {
             refuse("rig.flash.intensity", format!("{value} must be above 0"))

@@ -191,6 +191,39 @@ pub struct DepthCamera {
     pub to_color: RigidTransform,
 }
 
+/// How a lamp's light changes with direction: `exp(tilt · u + falloff · |u|²)` for the slope
+/// `u = (x/z, y/z)` of the way from the lamp, in the color camera's axes; 1 straight ahead.
+///
+/// What a lens darkens toward its corners is part of it when it was measured through that lens.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Beam {
+    /// Growth to the right and down.
+    pub tilt: [f64; 2],
+    /// Growth outward; negative for a lamp that is brightest ahead.
+    pub falloff: f64,
+}
+
+impl Beam {
+    /// Slope beyond which a beam does not change any more: it was never measured out there.
+    const REACH: f64 = 2.0;
+
+    /// Whether every number lies in [−4, 4]: e⁴ at slope 1 is 5.8 stops.
+    pub fn is_sound(&self) -> bool {
+        let [right, down] = self.tilt;
+        [right, down, self.falloff]
+            .into_iter()
+            .all(|value| value.abs() <= 4.0)
+    }
+
+    /// Light along a way from the lamp, relative to straight ahead.
+    pub fn strength(&self, way: DVec3) -> f64 {
+        let slope = way.truncate() / way.z.abs().max(f64::MIN_POSITIVE);
+        let slope = slope.clamp_length_max(Self::REACH);
+        (DVec2::from_array(self.tilt).dot(slope) + self.falloff * slope.length_squared()).exp()
+    }
+}
+
 /// The flash of a rig.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct FlashLamp {
@@ -199,6 +232,9 @@ pub struct FlashLamp {
     /// Scene-linear light (unit exposure) of a white Lambertian patch facing the flash at one
     /// metre; `None` = unknown, and then albedo and relit light are right up to one global scale.
     pub intensity: Option<f32>,
+    /// How its light changes with direction.
+    #[serde(default)]
+    pub beam: Beam,
 }
 
 /// Everything fixed about a rig.

@@ -27,7 +27,7 @@ pub mod trigger;
 #[cfg(target_os = "linux")]
 pub mod v4l;
 
-pub use calibration::{DepthCamera, Distortion, FlashLamp, Intrinsics, Rig, RigidTransform};
+pub use calibration::{Beam, DepthCamera, Distortion, FlashLamp, Intrinsics, Rig, RigidTransform};
 pub use device::{Device, DeviceInfo, DriverError, Losses, Settings, Stream};
 pub use frame::{
     BayerPattern, ColorFrame, DepthFrame, Exposure, Frame, Illumination, Pixels, Timestamp,

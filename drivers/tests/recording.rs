@@ -45,6 +45,7 @@ fn rig(turn: f64) -> Rig {
         flash: FlashLamp {
             position_metres: DVec3::new(0.0, turn, 0.0),
             intensity: Some(9.7),
+            beam: drivers::Beam::default(),
         },
     }
 }

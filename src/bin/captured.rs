@@ -141,6 +141,7 @@ async fn reload(arguments: DaemonArguments, changed: watch::Sender<Arc<Config>>)
 fn takes_restart(old: &Config, new: &Config) -> Vec<&'static str> {
     [
         ("devices", old.devices != new.devices),
+        ("rig", old.rig != new.rig),
         ("socket", old.socket != new.socket),
         ("state", old.state != new.state),
         ("viewer.address", old.viewer.address != new.viewer.address),

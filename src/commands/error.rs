@@ -3,6 +3,7 @@
 use super::client::ClientError;
 use crate::{
     api::{Fault, FaultKind, LightError},
+    calibration::CalibrationError,
     config::ConfigError,
     corruption::CorruptionError,
     costs::CostError,
@@ -63,6 +64,8 @@ pub enum CommandError {
     #[error(transparent)]
     Response(#[from] ResponseError),
     #[error(transparent)]
+    Calibration(#[from] CalibrationError),
+    #[error(transparent)]
     Corruption(#[from] CorruptionError),
     #[error(transparent)]
     Eval(#[from] EvalError),
@@ -102,6 +105,7 @@ impl CommandError {
             | Self::Image(_)
             | Self::Inference(_)
             | Self::Response(_)
+            | Self::Calibration(_)
             | Self::Corruption(_)
             | Self::Beside(_)
             | Self::Eval(_) => FaultKind::Input,

@@ -111,7 +111,7 @@ pub enum Command {
     /// Say what runs the networks of --tier paper, or how to get a faster one.
     #[command(subcommand)]
     Runtime(runtime::Runtime),
-    /// Measure something about a camera.
+    /// Measure something about a camera or a rig.
     #[command(subcommand)]
     Calibrate(calibrate::Calibrate),
 }
@@ -141,7 +141,7 @@ impl CommandLine {
             Command::Eval(eval) => eval.run(&config),
             Command::Corrupt(corrupt) => corrupt.run(&config),
             Command::Runtime(runtime) => runtime.run(&config),
-            Command::Calibrate(calibrate) => calibrate.run(),
+            Command::Calibrate(calibrate) => calibrate.run(&config),
         }
     }
 }

@@ -4,6 +4,7 @@ use super::{Answer, CommandError, error::ResultError, progress::Progress};
 use crate::{
     config::Config,
     output::{CommitError, StagedFile},
+    session,
 };
 use clap::Args;
 use drivers::{
@@ -29,7 +30,7 @@ pub struct Record {
 impl Record {
     /// Records under another name, and sums up what was recorded by reading it back.
     pub(super) fn run(self, config: &Config) -> Result<Answer, CommandError> {
-        let mut device = drivers::open::open(&self.device)?;
+        let mut device = session::open(&self.device, config.rig_of(&self.device))?;
         let staged = StagedFile::begin_salvageable(&self.out)?;
         let mut bracket = Bracket::default();
         let warnings = match self.record(device.as_mut(), config, staged.partial(), &mut bracket) {

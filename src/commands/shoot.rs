@@ -182,7 +182,7 @@ impl Shoot {
         };
         let configured = config.devices.first().map_or("", String::as_str);
         let address = self.device.as_deref().unwrap_or(configured);
-        let mut device = drivers::open::open(address)?;
+        let mut device = session::open(address, config.rig_of(address))?;
         let progress = Progress::of_unknown("taking the shot");
         let taken = session::take(device.as_mut(), &config.capture)?;
         let lights = self.relight.then_some(&lights);

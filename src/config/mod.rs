@@ -21,6 +21,8 @@ pub struct Config {
     /// Addresses of the devices, as `capturectl devices` lists them; the first is used where none is
     /// asked for.
     pub devices: Vec<String>,
+    /// The measured rig (`rig.toml`) of the first device; `None` = what the device says of itself.
+    pub rig: Option<PathBuf>,
     /// Where the daemon listens; `None` = `captured/captured.sock` in the run folder.
     pub socket: Option<PathBuf>,
     /// Folder in which the daemon keeps its shots; `None` = the state folder.
@@ -43,6 +45,7 @@ impl Default for Config {
     fn default() -> Self {
         Self {
             devices: vec!["synthetic:desk".to_owned()],
+            rig: None,
             socket: None,
             state: None,
             capture: Capture::default(),
@@ -113,6 +116,7 @@ impl Config {
     fn check(&self, path: &Path, text: &str) -> Result<(), ConfigError> {
         let Self {
             devices,
+            rig: _,
             socket: _,
             state: _,
             capture,
@@ -240,6 +244,12 @@ impl Config {
                 allowed,
             }),
         }
+    }
+
+    /// The measured rig of the device at `address`: it is the first device's and no other's.
+    pub fn rig_of(&self, address: &str) -> Option<&Path> {
+        let first = self.devices.first().is_some_and(|first| first == address);
+        self.rig.as_deref().filter(|_| first)
     }
 
     /// Where the daemon listens: the configured path, else `captured.sock` in systemd's runtime

@@ -196,6 +196,7 @@ mod tests {
                 flash: FlashLamp {
                     position_metres: glam::DVec3::ZERO,
                     intensity: None,
+                    beam: drivers::Beam::default(),
                 },
             },
             mask: None,

@@ -113,6 +113,7 @@ fn corner(side: usize, room: Option<f32>) -> Shot {
             flash: FlashLamp {
                 position_metres: DVec3::ZERO,
                 intensity: Some(1.0),
+                beam: drivers::Beam::default(),
             },
         },
         mask: None,

@@ -103,7 +103,9 @@ impl Worker {
     }
 
     fn open(&self) -> Result<Box<dyn Device>, String> {
-        match catch_unwind(AssertUnwindSafe(|| drivers::open::open(&self.address))) {
+        let config = Arc::clone(&self.config.borrow());
+        let rig = config.rig_of(&self.address);
+        match catch_unwind(AssertUnwindSafe(|| session::open(&self.address, rig))) {
             Ok(Ok(device)) => Ok(device),
             Ok(Err(error)) => Err(error.to_string()),
             Err(_) => Err(format!("{}: its driver failed", self.address)),

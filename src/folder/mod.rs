@@ -5,6 +5,7 @@ pub mod decode;
 mod error;
 mod images;
 mod import;
+mod rig;
 mod toml;
 mod truth;
 mod write;
@@ -13,6 +14,7 @@ pub use answers::Answers;
 pub use decode::{Decoded, ImageError, ImageKind, Limits, Samples, decode_limited};
 pub use error::FolderError;
 pub use import::{Imported, import, mask_beside, read_mask_beside, truth_beside};
+pub use rig::RigFile;
 pub use truth::{Truth, TruthLight, read_truth};
 pub use write::{write, write_on, write_with_truth};
 
@@ -79,7 +81,8 @@ pub fn read(dir: &Path) -> Result<Capture, FolderError> {
     let depth = DepthFrame {
         at: FLASH_AT,
         sequence: 0,
-        metres: images::depth(&depth, depth_size, declared.depth_unit_metres)?,
+        metres: images::depth(&depth, depth_size, declared.depth_unit_metres)?
+            .map(|metres| declared.true_metres(*metres)),
         amplitude: amplitude
             .map(|path| images::amplitude(&path, depth_size))
             .transpose()?,

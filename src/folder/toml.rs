@@ -3,7 +3,7 @@
 use super::FolderError;
 use drivers::admission::MAX_SIDE;
 use drivers::{
-    DepthCamera, Distortion, Exposure, FlashLamp, Intrinsics, Rig, RigidTransform, Transfer,
+    Beam, DepthCamera, Distortion, Exposure, FlashLamp, Intrinsics, Rig, RigidTransform, Transfer,
 };
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
@@ -65,6 +65,8 @@ pub(super) struct DepthTable {
     pub rotation: [[f64; 3]; 3],
     #[serde(default)]
     pub translation_metres: [f64; 3],
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub offset_metres: f64,
 }
 
 #[derive(Debug, Default, Serialize, Deserialize)]
@@ -74,6 +76,16 @@ pub(super) struct FlashTable {
     pub position_metres: [f64; 3],
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub intensity: Option<f32>,
+    #[serde(default, skip_serializing_if = "is_even")]
+    pub beam: Beam,
+}
+
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
+}
+
+fn is_even(beam: &Beam) -> bool {
+    *beam == Beam::default()
 }
 
 /// All of `truth/lights.toml`.
@@ -268,6 +280,15 @@ pub(super) struct Declared {
     pub flash_exposure: Exposure,
     pub ambient_exposure: Exposure,
     pub depth_unit_metres: f64,
+    pub depth_offset_metres: f64,
+}
+
+impl Declared {
+    /// A stored distance without its offset; none that would lie behind the camera.
+    pub fn true_metres(&self, stored: f32) -> f32 {
+        let metres = stored - self.depth_offset_metres as f32;
+        if metres > 0.0 { metres } else { f32::NAN }
+    }
 }
 
 impl CaptureToml {
@@ -323,6 +344,7 @@ impl CaptureToml {
             };
 
         let mut depth_unit_metres = millimetre();
+        let mut depth_offset_metres = 0.0;
         let depth = match self.depth {
             None => None,
             Some(table) => {
@@ -340,6 +362,8 @@ impl CaptureToml {
                 )?;
                 fields.positive("depth.depth_unit_metres", table.depth_unit_metres)?;
                 depth_unit_metres = table.depth_unit_metres;
+                fields.finite("depth.offset_metres", &[table.offset_metres])?;
+                depth_offset_metres = table.offset_metres;
                 fields.finite("depth.translation_metres", &table.translation_metres)?;
                 let to_color = RigidTransform {
                     rotation: fields.rotation(table.rotation)?,
@@ -353,7 +377,16 @@ impl CaptureToml {
         if let Some(intensity) = self.flash.intensity {
             fields.positive("flash.intensity", f64::from(intensity))?;
         }
+        let beam = self.flash.beam;
+        if !beam.is_sound() {
+            return Err(fields.wrong(
+                "flash.beam",
+                format!("is {beam:?}"),
+                "give numbers between -4 and 4, as capturectl calibrate rig does",
+            ));
+        }
         let flash = FlashLamp {
+            beam,
             position_metres: DVec3::from_array(self.flash.position_metres),
             // The folder states it in the photograph's values; a rig states it at unit exposure.
             intensity: self
@@ -373,6 +406,7 @@ impl CaptureToml {
             flash_exposure,
             ambient_exposure,
             depth_unit_metres,
+            depth_offset_metres,
         })
     }
 }

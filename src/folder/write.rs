@@ -9,7 +9,9 @@ use crate::{
     radiometry,
     shot::Shot,
 };
-use drivers::{ColorFrame, Illumination, Pixels, Plane, Transfer};
+use drivers::{
+    ColorFrame, DepthCamera, Exposure, FlashLamp, Illumination, Pixels, Plane, Transfer,
+};
 use std::path::Path;
 
 /// A photograph as a file: extension and bytes.
@@ -151,21 +153,6 @@ fn stored(frame: &ColorFrame) -> Result<Encoded, EncodeError> {
 
 fn table(shot: &Shot, ambient: Option<&ColorFrame>, as_is: bool) -> CaptureToml {
     let (lens, flash) = (shot.rig.color, &shot.flash);
-    let depth = shot.rig.depth.map(|camera| {
-        let rows = camera.to_color.rotation.transpose().to_cols_array_2d();
-        DepthTable {
-            width: camera.lens.width,
-            height: camera.lens.height,
-            fx: camera.lens.fx,
-            fy: camera.lens.fy,
-            cx: camera.lens.cx,
-            cy: camera.lens.cy,
-            distortion: camera.lens.distortion,
-            depth_unit_metres: super::toml::millimetre(),
-            rotation: rows,
-            translation_metres: camera.to_color.translation_metres.to_array(),
-        }
-    });
     CaptureToml {
         format: 1,
         color: ColorTable {
@@ -186,14 +173,33 @@ fn table(shot: &Shot, ambient: Option<&ColorFrame>, as_is: bool) -> CaptureToml 
             flash_exposure: Some(flash.exposure),
             ambient_exposure: ambient.map(|frame| frame.exposure),
         },
-        depth,
-        flash: FlashTable {
-            position_metres: shot.rig.flash.position_metres.to_array(),
-            intensity: shot
-                .rig
-                .flash
-                .intensity
-                .map(|value| value * flash.exposure.factor()),
-        },
+        depth: shot.rig.depth.as_ref().map(depth_table),
+        flash: flash_table(&shot.rig.flash, flash.exposure),
+    }
+}
+
+/// The depth camera, its distances as they should be.
+pub(super) fn depth_table(camera: &DepthCamera) -> DepthTable {
+    DepthTable {
+        width: camera.lens.width,
+        height: camera.lens.height,
+        fx: camera.lens.fx,
+        fy: camera.lens.fy,
+        cx: camera.lens.cx,
+        cy: camera.lens.cy,
+        distortion: camera.lens.distortion,
+        depth_unit_metres: super::toml::millimetre(),
+        rotation: camera.to_color.rotation.transpose().to_cols_array_2d(),
+        translation_metres: camera.to_color.translation_metres.to_array(),
+        offset_metres: 0.0,
+    }
+}
+
+/// The flash, in the values of a photograph of this exposure.
+pub(super) fn flash_table(flash: &FlashLamp, exposure: Exposure) -> FlashTable {
+    FlashTable {
+        position_metres: flash.position_metres.to_array(),
+        intensity: flash.intensity.map(|value| value * exposure.factor()),
+        beam: flash.beam,
     }
 }

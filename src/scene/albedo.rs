@@ -41,7 +41,8 @@ pub(super) fn reflections(
         .for_each(|(i, out)| {
             let point = rays.samples()[i].extend(1.0) * depth_metres.samples()[i];
             let to_lamp = lamp - point;
-            let scale = to_lamp.length_squared() * per_intensity;
+            let beam = flash.beam.strength((-to_lamp).as_dvec3()) as f32;
+            let scale = to_lamp.length_squared() * per_intensity / beam;
             out.value = light.samples()[i].map(|v| v * scale);
             out.variance = variance.samples()[i] * scale * scale;
             out.cosine = normal.samples()[i].dot(to_lamp) / to_lamp.length();

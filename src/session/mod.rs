@@ -1,19 +1,22 @@
 //! One shot from a device, in whatever process: taken, developed, kept.
 
+mod calibrated;
 mod keep;
 mod take;
 
+pub use calibrated::open;
 pub use keep::{Kept, keep};
 pub use take::{Taken, take, take_watched};
 
 use crate::{
     api::{Fault, FaultKind},
     darkroom::DarkroomError,
+    folder::FolderError,
     output::{CommitError, OutputError},
     shot::DropCounts,
 };
 use drivers::DriverError;
-use std::time::Duration;
+use std::{path::PathBuf, time::Duration};
 use thiserror::Error;
 
 /// Why there is no shot.
@@ -32,6 +35,17 @@ pub enum SessionError {
     Darkroom(#[from] DarkroomError),
     #[error(transparent)]
     Output(#[from] OutputError),
+    #[error(transparent)]
+    Rig(#[from] FolderError),
+    #[error(
+        "{path}: is of another rig ({found}) than {device} ({expected}); calibrate that device"
+    )]
+    ForeignRig {
+        path: PathBuf,
+        device: String,
+        found: String,
+        expected: String,
+    },
 }
 
 impl From<CommitError> for SessionError {
@@ -48,6 +62,7 @@ impl SessionError {
             Self::NoShot { .. } => FaultKind::Device,
             Self::Darkroom(error) => error.kind(),
             Self::Output(_) => FaultKind::Output,
+            Self::Rig(_) | Self::ForeignRig { .. } => FaultKind::Input,
         };
         Fault {
             kind,

@@ -35,6 +35,7 @@ fn rig() -> Rig {
         flash: FlashLamp {
             position_metres: DVec3::ZERO,
             intensity: None,
+            beam: drivers::Beam::default(),
         },
     }
 }

@@ -69,6 +69,7 @@ fn wall(
             flash: FlashLamp {
                 position_metres: DVec3::ZERO,
                 intensity: Some(1.0),
+                beam: drivers::Beam::default(),
             },
         },
         mask: None,

@@ -112,6 +112,7 @@ impl World {
         let flash = FlashLamp {
             position_metres: DVec3::new(-0.012, -0.006, 0.0),
             intensity: Some(FLASH_INTENSITY),
+            beam: crate::calibration::Beam::default(),
         };
         Self {
             bodies: bodies(options.layout, options.seed),

@@ -2,7 +2,7 @@
 
 use crate::{
     admission,
-    calibration::{DepthCamera, Distortion, FlashLamp, Intrinsics, Rig, RigidTransform},
+    calibration::{Beam, DepthCamera, Distortion, FlashLamp, Intrinsics, Rig, RigidTransform},
 };
 use glam::{DMat3, DVec3};
 use serde::Deserialize;
@@ -36,6 +36,8 @@ struct Flash {
     #[serde(default)]
     position_metres: [f64; 3],
     intensity: Option<f32>,
+    #[serde(default)]
+    beam: Beam,
 }
 
 impl Lens {
@@ -74,6 +76,7 @@ pub(super) fn parse(text: &str) -> Result<Rig, String> {
         flash: FlashLamp {
             position_metres: DVec3::from_array(file.flash.position_metres),
             intensity: file.flash.intensity,
+            beam: file.flash.beam,
         },
     };
     admission::admit_rig(&rig).map_err(|refusal| refusal.to_string())?;
@@ -99,6 +102,7 @@ pub(super) fn rig(
             flash: FlashLamp {
                 position_metres: DVec3::ZERO,
                 intensity: None,
+                beam: Beam::default(),
             },
         });
     };

@@ -1,22 +1,15 @@
 //! `calibrate response`: the transfer curve of a camera, from one still scene at several exposures.
 
-use super::{Answer, CommandError, error::InputError, progress::Progress};
+use super::super::{Answer, CommandError, error::InputError, progress::Progress};
 use crate::{
     folder::{Limits, Samples, decode_limited},
     output::StagedFile,
     radiometry::recover_response,
 };
-use clap::{Args, Subcommand};
+use clap::Args;
 use drivers::Plane;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
-
-/// Measure something about a camera.
-#[derive(Debug, Subcommand)]
-pub enum Calibrate {
-    /// The transfer curve, from 8-bit pictures of one still scene at known exposures.
-    Response(Response),
-}
 
 /// Arguments of `calibrate response`.
 #[derive(Debug, Args)]
@@ -43,16 +36,8 @@ struct Curve {
     transfer: drivers::Transfer,
 }
 
-impl Calibrate {
-    pub(super) fn run(self) -> Result<Answer, CommandError> {
-        match self {
-            Self::Response(response) => response.run(),
-        }
-    }
-}
-
 impl Response {
-    fn run(self) -> Result<Answer, CommandError> {
+    pub(super) fn run(self) -> Result<Answer, CommandError> {
         if self.images.len() != self.exposures.len() {
             return Err(CommandError::Arguments(format!(
                 "--exposures has {} numbers for {} pictures; give one for each",
