@@ -9,6 +9,7 @@ pub mod calibration;
 pub mod chance;
 pub mod clock;
 pub mod contract;
+pub mod depthai;
 pub mod device;
 #[cfg(target_os = "linux")]
 pub mod flash;

@@ -1,6 +1,7 @@
 //! Addresses → devices: the one place that knows every driver.
 
 use crate::{
+    depthai::{self, DepthAi},
     device::{Device, DeviceInfo, DriverError},
     flaky::{Faults, Flaky},
     replay::Replay,
@@ -10,7 +11,7 @@ use crate::{
 /// What an address looks like, for errors and for `--help`.
 pub const ADDRESSES: &str = "synthetic:LAYOUT?key=value&…, replay:FILE.mcap (or just FILE.mcap), \
                              v4l:/dev/videoN?table.key=value&… or v4l:CAMERA.toml, \
-                             flaky:key=value,…:ADDRESS";
+                             depthai:SERIAL?key=value&…, flaky:key=value,…:ADDRESS";
 
 /// Opens the device at `address`.
 ///
@@ -36,6 +37,10 @@ pub fn open(address: &str) -> Result<Box<dyn Device>, DriverError> {
         "synthetic" => {
             let options = Options::parse(rest).map_err(refuse)?;
             Ok(Box::new(Synthetic::new(options)))
+        }
+        "depthai" => {
+            let options = depthai::Options::parse(rest).map_err(refuse)?;
+            Ok(Box::new(DepthAi::open(options)?))
         }
         "replay" => Ok(Box::new(Replay::open(rest)?)),
         #[cfg(target_os = "linux")]
@@ -71,5 +76,9 @@ pub fn list() -> Vec<DeviceInfo> {
         })
         .info()
     });
-    cameras.into_iter().chain(synthetic).collect()
+    cameras
+        .into_iter()
+        .chain(depthai::list())
+        .chain(synthetic)
+        .collect()
 }

@@ -87,9 +87,8 @@ impl Brightness {
                                 clipped += 1.0;
                             } else if rgb.iter().all(|v| !v.is_nan()) {
                                 let range = frame.white_level - frame.black_level;
-                                let light = rgb.map(|v| {
-                                    frame.transfer.light((v - frame.black_level) / range)
-                                });
+                                let light = rgb
+                                    .map(|v| frame.transfer.light((v - frame.black_level) / range));
                                 sum += (light[0] + light[1] + light[2]) / 3.0;
                                 count += 1.0;
                             }
