@@ -148,7 +148,9 @@ impl Chart for Tracks<'_> {
     fn draw<B: DrawingBackend>(&self, area: &Canvas<B>) -> Drawn<B> {
         heading(area, "How the cameras keep time", 11, (30, 14))?;
         let style = text(7, FAINT, HPos::Left, VPos::Top);
-        area.draw_text(self.device, &style, (30, 44))?;
+        // As much of a long address as fits.
+        let device: String = self.device.chars().take(130).collect();
+        area.draw_text(&device, &style, (30, 44))?;
         for (place, panel) in self.panels.iter().enumerate() {
             self.panel(area, TOP + PITCH * place as i32, panel)?;
         }
