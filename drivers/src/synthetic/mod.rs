@@ -20,7 +20,6 @@ use crate::{
     address,
     calibration::Rig,
     chance::Chance,
-    clock::monotonic,
     device::{Device, DeviceInfo, DriverError, Settings, Stream},
     frame::{ColorFrame, DepthFrame, Exposure, Frame, Illumination, Timestamp},
     plane::Plane,
