@@ -248,7 +248,8 @@ fn straightened(gray: &Plane<f32>, rough: [DVec2; 4]) -> Option<[DVec2; 4]> {
         let along = (b - a).perp_dot(v) / u.perp_dot(v);
         *corner = a + u * along;
         let side = rough[k].distance(rough[(k + 1) % 4]);
-        if !(corner.distance(rough[k]) < side / 4.0) {
+        let moved = corner.distance(rough[k]);
+        if moved.is_nan() || moved >= side / 4.0 {
             return None;
         }
     }

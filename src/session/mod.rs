@@ -29,7 +29,7 @@ pub enum SessionError {
     NoShot {
         device: String,
         waited: Duration,
-        drops: DropCounts,
+        drops: Box<DropCounts>,
     },
     #[error(transparent)]
     Darkroom(#[from] DarkroomError),

@@ -80,7 +80,7 @@ pub fn take_watched(
     let shot = shot.ok_or_else(|| SessionError::NoShot {
         device: info.address.clone(),
         waited,
-        drops,
+        drops: Box::new(drops),
     })?;
     Ok(Taken {
         shot,

@@ -75,8 +75,9 @@ impl Strips {
         let row = |y: usize| &self.cells[y * self.columns..(y + 1) * self.columns];
         let pairs = row(one).iter().zip(row(other));
         let differing = pairs.filter(|(a, b)| {
+            let apart = (*a - *b).abs() / a.max(**b).max(dark);
             // Clipped or unknown: no evidence that they are alike.
-            !((*a - *b).abs() / a.max(**b).max(dark) < SCENE_EDGE)
+            apart.is_nan() || apart >= SCENE_EDGE
         });
         2 * differing.count() >= self.columns
     }

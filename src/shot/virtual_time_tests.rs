@@ -131,7 +131,7 @@ impl Stream for &mut Carousel {
     fn next_frame(&mut self, _: Duration) -> Result<Frame, DriverError> {
         let k = self.next / 2;
         self.next += 1;
-        if self.next % 2 == 0 {
+        if self.next.is_multiple_of(2) {
             return Ok(Frame::Depth(depth(k)));
         }
         let mut frame = self.pictures[k as usize % self.pictures.len()].clone();

@@ -41,7 +41,7 @@ pub(super) struct Asked<'a> {
 #[serde(rename_all = "snake_case")]
 pub(super) enum Report {
     /// The device is open; what it is.
-    Ready(Ready),
+    Ready(Box<Ready>),
     /// A frame lies in a slot.
     Frame(FrameFacts),
     /// It ends here.

@@ -117,7 +117,7 @@ impl DepthAi {
             strobe: options.strobe.and_then(|line| line.gpio),
         }))?;
         let ready = match bridge.hear(OPENING)? {
-            Report::Ready(ready) => ready,
+            Report::Ready(ready) => *ready,
             Report::Error { kind, message } => {
                 return Err(said(&bridge, &options.address(), &kind, message, false));
             }

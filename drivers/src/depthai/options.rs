@@ -198,7 +198,7 @@ impl Options {
 
 fn even(key: &str, value: &str) -> Result<usize, String> {
     let pixels: usize = address::number(key, value, 16..=8192)?;
-    if pixels % 2 == 0 {
+    if pixels.is_multiple_of(2) {
         Ok(pixels)
     } else {
         Err(format!("{key}={value}: an even number"))
