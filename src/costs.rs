@@ -3,11 +3,14 @@
 use crate::{
     develop::{DevelopError, Options, Stage, develop_light, work_out},
     inference::InferenceError,
-    parsimony::{Bounced, CostModel, Geometry, Glance, Shadow, Terms, cost::Line},
+    parsimony::{Bounced, CostModel, Geometry, Glance, ModelError, Shadow, Terms, cost::Line},
     radiometry::{self, SubtractOptions},
     relight::{
         Lamp, RelightOptions, Shadows,
-        networks::{Channels, Doubt, Network},
+        networks::{
+            Channels, Network, NetworkError,
+            compact::{Compact, Correction, MOST_PIXELS},
+        },
     },
     scene::Material,
     shot::{Assembler, Limits, Shot},
@@ -32,11 +35,15 @@ const RUNS: usize = 7;
 const LAST_SHOT: f64 = 0.25;
 /// Shots are expected to take at least and at most so many times as long as measured.
 const PACES: std::ops::RangeInclusive<f64> = 0.25..=8.0;
-/// One answer of the shadow network where none was at hand: 1.8 GFLOP at 20 GFLOP/s.
-const UNMEASURED_NETWORK_MS: f64 = 90.0;
+/// Sides of the grids that networks are measured on; the larger is the largest they are asked on.
+const GRIDS: [usize; 2] = [64, 256];
+/// The networks' answers where none were at hand: 28 and 7 kFLOP a pixel at 20 GFLOP/s.
+const UNMEASURED: [f64; 2] = [1400.0, 350.0];
+/// Bringing them into memory where that was not measured.
+const UNMEASURED_LOAD_MS: f64 = 100.0;
 
-/// Brings the shadow network into memory.
-pub type LoadNetwork<'a> = dyn Fn() -> Result<Box<dyn Network>, InferenceError> + Send + 'a;
+/// Brings the compact networks into memory.
+pub type LoadCompact<'a> = dyn Fn() -> Result<Compact, InferenceError> + Send + 'a;
 
 /// Why costs could not be measured.
 #[derive(Debug, Error)]
@@ -47,6 +54,9 @@ pub enum CostError {
     /// It could not be developed.
     #[error(transparent)]
     Develop(#[from] DevelopError),
+    /// It could not be looked at.
+    #[error(transparent)]
+    Model(#[from] ModelError),
 }
 
 /// Costs as kept in a file.
@@ -77,7 +87,7 @@ pub struct Known {
 ///
 /// # Errors
 /// [`CostError`] when nothing can be measured.
-pub fn known(file: Option<&Path>, network: Option<&LoadNetwork<'_>>) -> Result<Known, CostError> {
+pub fn known(file: Option<&Path>, networks: Option<&LoadCompact<'_>>) -> Result<Known, CostError> {
     if let Some(kept) = file.and_then(kept) {
         return Ok(Known {
             costs: kept.costs.at_pace(kept.pace),
@@ -85,12 +95,15 @@ pub fn known(file: Option<&Path>, network: Option<&LoadNetwork<'_>>) -> Result<K
         });
     }
     let mut costs = measured()?;
-    if let Some(load) = network {
+    if let Some(load) = networks {
         let began = Instant::now();
         // A network that fails here fails again where it is used, and is reported there.
-        if let Ok(network) = load() {
-            costs.network_load_ms = milliseconds(began.elapsed());
-            costs.network_ms = answering(network.as_ref());
+        if let Ok(compact) = load() {
+            let loading = began.elapsed();
+            if let Ok([surfaces, light]) = answering(&compact) {
+                (costs.surfaces_network, costs.light_network) = (surfaces, light);
+                costs.network_load_ms = milliseconds(loading);
+            }
         }
     }
     let warning = match file {
@@ -117,17 +130,37 @@ pub fn learn(file: &Path, expected_ms: f64, took_ms: f64) {
     keep(file, kept.costs, pace).ok();
 }
 
-/// Milliseconds of one answer of a shadow network.
-fn answering(network: &dyn Network) -> f64 {
-    let side = 128;
-    let cloud = Channels {
-        size: (side, side),
-        count: 3,
-        samples: (0..3 * side * side)
-            .map(|i| (i % 251) as f32 / 251.0)
-            .collect(),
+/// Milliseconds of one answer of either network.
+fn answering(compact: &Compact) -> Result<[Line; 2], NetworkError> {
+    let line = |network: &dyn Network, name: &str, count: usize, wanted: &[&str]| {
+        let measured = GRIDS.map(|side| {
+            let given = Channels {
+                size: (side, side),
+                count,
+                samples: (0..count * side * side)
+                    .map(|i| (i % 251) as f32 / 251.0)
+                    .collect(),
+            };
+            // The first answer of a size prepares for it.
+            network.answer(&[(name, &given)], wanted)?;
+            let ms = timed(|| network.answer(&[(name, &given)], wanted).map(drop));
+            Ok((side * side, ms))
+        });
+        let [small, large] = measured;
+        Ok(Line::through(small?, large?))
     };
-    timed(|| network.answer(&[("cloud", &cloud)], &["shadow"]).map(drop))
+    debug_assert_eq!(GRIDS[1] * GRIDS[1], MOST_PIXELS);
+    Ok([
+        line(compact.surfaces.as_ref(), "sight", 16, &["turn"])?,
+        line(compact.light.as_ref(), "lamp", 17, &["weight"])?,
+    ])
+}
+
+fn unmeasured(per_megapixel_ms: f64) -> Line {
+    Line {
+        fixed_ms: 1.0,
+        per_megapixel_ms,
+    }
 }
 
 /// Where costs are kept: the service's cache folder, else the user's.
@@ -154,7 +187,7 @@ fn kept(file: &Path) -> Option<Kept> {
 
 fn of_this_build(costs: CostModel, pace: f64) -> Kept {
     Kept {
-        format: 2,
+        format: 3,
         threads: rayon::current_num_threads(),
         optimised: !cfg!(debug_assertions),
         pace,
@@ -197,8 +230,9 @@ fn measured() -> Result<CostModel, CostError> {
         correction: line(|steps| steps.correction),
         enlarge: line(|steps| steps.enlarge),
         glance: line(|steps| steps.glance),
-        network_ms: UNMEASURED_NETWORK_MS,
-        network_load_ms: 10.0 * UNMEASURED_NETWORK_MS,
+        surfaces_network: unmeasured(UNMEASURED[0]),
+        light_network: unmeasured(UNMEASURED[1]),
+        network_load_ms: UNMEASURED_LOAD_MS,
     })
 }
 
@@ -277,9 +311,13 @@ fn steps(width: usize) -> Result<Steps, CostError> {
         shadows: Shadows::None,
         ..RelightOptions::default()
     };
-    let doubt = Doubt::of(prepared);
-    let relit = prepared.relight(&lamp, RelightOptions::default());
+    let correction = Correction::of(&development.scene, prepared);
     let lamp_ms = timed(|| prepared.relight(&lamp, unshadowed));
+    let swept_ms = timed(|| prepared.relight(&lamp, RelightOptions::default()));
+    let corrected_ms = timed(|| {
+        let swept = correction.swept(prepared, &lamp);
+        correction.given(&swept, &lamp)
+    });
     let mut coarse = Terms {
         geometry: Geometry::Smooth,
         ..Terms::FEWEST
@@ -292,7 +330,7 @@ fn steps(width: usize) -> Result<Steps, CostError> {
         let mut runs = Vec::new();
         for _ in 0..RUNS {
             let began = Instant::now();
-            Glance::at(&shot, &flash_only, &base)?;
+            Glance::at(&shot, &flash_only, &base, None)?;
             runs.push(milliseconds(began.elapsed()));
         }
         least(runs)
@@ -311,8 +349,8 @@ fn steps(width: usize) -> Result<Steps, CostError> {
         slabs: (slabs - bare).max(0.0),
         obscurance: (prepare - slabs).max(0.0),
         lamp: lamp_ms,
-        swept_lamp: timed(|| prepared.relight(&lamp, RelightOptions::default())),
-        correction: lamp_ms + timed(|| doubt.swept_errors(&lamp, &relit.shadow)),
+        swept_lamp: swept_ms,
+        correction: (corrected_ms - swept_ms).max(0.0),
         enlarge: timed(|| reduced.finish(small.clone())),
         glance,
     })

@@ -6,7 +6,7 @@ mod lights;
 mod modelled;
 mod surroundings;
 
-pub use answering::{Answering, Asked, Auto, LoadNetwork, ready};
+pub use answering::{Answering, Asked, Auto, LoadNetworks, ready};
 
 use crate::{
     api::FaultKind,
@@ -16,7 +16,7 @@ use crate::{
     output::{
         Disk, Existing, Manifest, OutputError, RelitView, Results, Tone, sheet::Panel, write,
     },
-    parsimony::TooLittleTime,
+    parsimony::{ModelError, TooLittleTime},
     radiometry::{SubtractionReport, linearise},
     relight::{Environment, Lamp, Relit, networks::NetworkError},
     shot::{DropCounts, Shot},
@@ -24,7 +24,7 @@ use crate::{
 };
 use doubts::{doubts, fraction, mean_confidence};
 use drivers::{ColorFrame, Plane};
-use modelled::Evidence;
+use modelled::{Evidence, Modelled};
 use std::{path::Path, time::Instant};
 use surroundings::Surroundings;
 use thiserror::Error;
@@ -85,6 +85,15 @@ pub enum DarkroomError {
     Output(#[from] OutputError),
 }
 
+impl From<ModelError> for DarkroomError {
+    fn from(error: ModelError) -> Self {
+        match error {
+            ModelError::Develop(error) => Self::Develop(error),
+            ModelError::Network(error) => Self::Network(error),
+        }
+    }
+}
+
 impl DarkroomError {
     /// Which part failed.
     pub fn kind(&self) -> FaultKind {
@@ -112,7 +121,11 @@ pub fn print(
     observe: &mut dyn FnMut(&str),
 ) -> Result<Manifest, DarkroomError> {
     let clock = &mut Clock::default();
-    let (mut model, evidence) = modelled::modelled(order, clock, observe)?;
+    let Modelled {
+        mut model,
+        evidence,
+        networks,
+    } = modelled::modelled(order, clock, observe)?;
     let verdict = model.verdict.take().or_else(|| {
         order.answering.has_time().then(|| {
             clock.begin("judge");
@@ -128,7 +141,8 @@ pub fn print(
     });
     // Asked for by no later stage; 48 MB of a photograph of 12 megapixels.
     model.development.flash_only.variance = Plane::default();
-    let relit = lights::lit(order, surroundings.as_ref(), &mut model, clock, observe)?;
+    let around = surroundings.as_ref();
+    let relit = lights::lit(order, around, &mut model, networks.as_ref(), clock, observe)?;
     let development = &model.development;
     let timings_ms = clock.end();
     if let (Answering::Auto(auto), Some(evidence)) = (order.answering, &evidence)
@@ -257,7 +271,8 @@ fn report(
 ) -> serde_json::Value {
     let (tier, networks) = match order.answering {
         Answering::Closed => ("closed", None),
-        Answering::Paper(paper) => ("paper", Some(paper.records())),
+        Answering::Compact(compact) => ("compact", Some(compact.records().to_vec())),
+        Answering::Paper(paper) => ("paper", Some(paper.records().into())),
         Answering::Auto(_) => ("auto", None),
     };
     let unseen: Vec<f32> = relit

@@ -18,6 +18,7 @@ pub mod corruption;
 pub mod calibration;
 // ---- above: pure; below: IO ----
 pub mod output;
+pub mod export;
 pub mod folder;
 pub mod eval;
 pub mod inference;

@@ -4,6 +4,7 @@
 use captured::{
     corruption::Corruption,
     develop::Options,
+    inference,
     parsimony::{
         CostModel, Criterion, Geometry, Glance, Model, Plan, Shadow, Terms, Workload, cost::Line,
     },
@@ -36,7 +37,8 @@ fn costs() -> CostModel {
         correction: line(10.0),
         enlarge: line(5.0),
         reduce: line(5.0),
-        network_ms: 30.0,
+        surfaces_network: line(400.0),
+        light_network: line(150.0),
         network_load_ms: 100.0,
         ..CostModel::default()
     }
@@ -45,7 +47,8 @@ fn costs() -> CostModel {
 fn chosen(shot: &Shot) -> (Terms, Glance) {
     let base = Options::default();
     let light = radiometry::subtract(&shot.flash, &shot.ambient, &base.subtract).unwrap();
-    let glance = Glance::at(shot, &light, &base).unwrap();
+    let networks = inference::load_compact(&inference::Settings::default()).unwrap();
+    let glance = Glance::at(shot, &light, &base, Some(&networks)).unwrap();
     let work = Workload {
         pixels: light.light.0.len(),
         working_pixels: base.working_pixels,

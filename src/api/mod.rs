@@ -52,6 +52,8 @@ pub enum Tier {
     Auto,
     /// Closed forms, every one of them; needs no model.
     Closed,
+    /// Closed forms, corrected by two compact networks.
+    Compact,
     /// The three networks of Qiu et al. 2020.
     Paper,
 }
@@ -63,8 +65,9 @@ impl FromStr for Tier {
         match text {
             "auto" => Ok(Self::Auto),
             "closed" => Ok(Self::Closed),
+            "compact" => Ok(Self::Compact),
             "paper" => Ok(Self::Paper),
-            _ => Err("it must be auto, closed or paper".to_owned()),
+            _ => Err("it must be auto, closed, compact or paper".to_owned()),
         }
     }
 }

@@ -18,10 +18,7 @@ use crate::{
     },
     folder::{Capture, mask_beside, truth_beside},
     inference::{self, InferenceError, Settings},
-    relight::{
-        RelightOptions,
-        networks::{Network, Variant},
-    },
+    relight::{RelightOptions, networks::Variant},
 };
 use clap::Args;
 use std::{path::PathBuf, rc::Rc};
@@ -306,34 +303,32 @@ fn fill_networks(roster: &mut Roster, settings: &Settings) -> Option<String> {
     warning
 }
 
-/// Fills the rows of our own model; returns what to say about what steps cost here.
+/// Fills the rows of our own model; returns what to say about its networks and about what steps cost here.
 fn fill_ours(
     roster: &mut Roster,
     eval: &Eval,
     config: &Config,
-) -> Result<Option<String>, CommandError> {
+) -> Result<Vec<String>, CommandError> {
     let settings = eval.backend.settings(config);
-    let load = || inference::load("shadow", Variant::Clean.name(), &settings);
-    let network: Option<Rc<dyn Network>> = if eval.no_networks {
-        None
-    } else {
-        // Without it the rows stand with swept shadows; why it is missing, row 4 says.
-        load().ok().map(Rc::from)
-    };
+    let load = || inference::load_compact(&settings);
+    let loaded = (!eval.no_networks).then(load).transpose();
+    let missing = loaded.as_ref().err();
+    let missing = missing.map(|error| format!("closed forms are not corrected: {error}"));
+    let networks = loaded.ok().flatten().map(Rc::new);
     let file = costs::usual_file();
     let costs::Known { costs, warning } = costs::known(file.as_deref(), Some(&load))?;
     for choice in Choice::ALL {
         let ours = Ours {
             choice,
             costs,
-            network: network.clone(),
+            networks: networks.clone(),
             develop: EvalOptions::default().develop,
         };
         roster
             .fill(Box::new(ours))
             .map_err(|twice| CommandError::Arguments(twice.to_string()))?;
     }
-    Ok(warning)
+    Ok(missing.into_iter().chain(warning).collect())
 }
 
 fn leave_out_networks(roster: &mut Roster) {

@@ -15,8 +15,9 @@ use std::{path::PathBuf, time::Duration};
 /// What answers.
 #[derive(Debug, Clone, Args)]
 pub struct TierArguments {
-    /// What answers: what the shot needs, every closed form, or the three networks of Qiu et al. 2020.
-    #[arg(long, value_name = "auto|closed|paper", default_value = "auto")]
+    /// What answers: what the shot needs, every closed form, those corrected by two compact networks, or the
+    /// three networks of Qiu et al. 2020.
+    #[arg(long, value_name = "auto|closed|compact|paper", default_value = "auto")]
     tier: Tier,
     /// Longest time from the shot in memory to the relit pictures in memory, with --tier auto, such as
     /// 50ms or 0.3s; what buys least for its time is left out.

@@ -14,12 +14,14 @@ mod daemon;
 mod daemon_arguments;
 mod error;
 mod eval;
+mod export;
 mod fsck;
 mod import;
 mod inference;
 mod info;
 mod install;
 mod lamps_off;
+mod lessons;
 mod manual;
 mod input;
 mod lights;
@@ -108,6 +110,10 @@ pub enum Command {
     Eval(eval::Eval),
     /// Make a capture worse on purpose, in one or more of eighteen ways.
     Corrupt(corrupt::Corrupt),
+    /// Write a capture's surfaces for other tools: .glb, .ply, .exr with layers, or .ptm.
+    Export(export::Export),
+    /// Turn rendered captures into what the compact networks learn from.
+    Lessons(lessons::Lessons),
     /// Say what runs the networks of --tier paper, or how to get a faster one.
     #[command(subcommand)]
     Runtime(runtime::Runtime),
@@ -140,6 +146,8 @@ impl CommandLine {
             Command::SyncReport(report) => report.run(&config),
             Command::Eval(eval) => eval.run(&config),
             Command::Corrupt(corrupt) => corrupt.run(&config),
+            Command::Export(export) => export.run(&config),
+            Command::Lessons(lessons) => lessons.run(&config),
             Command::Runtime(runtime) => runtime.run(&config),
             Command::Calibrate(calibrate) => calibrate.run(&config),
         }

@@ -2,9 +2,11 @@
 
 use crate::{
     api::Tier,
-    darkroom::{self, Answering, Asked, DarkroomError, LoadNetwork},
+    darkroom::{self, Answering, Asked, DarkroomError, LoadNetworks},
     inference::Settings,
-    relight::networks::{Channels, Network, NetworkError, NetworkRecord, Variant},
+    relight::networks::{
+        Channels, Network, NetworkError, NetworkRecord, Variant, compact::Compact,
+    },
 };
 use std::{
     collections::{HashMap, hash_map::Entry},
@@ -75,16 +77,22 @@ fn kept(answering: Answering) -> Answering {
     let Answering::Auto(mut auto) = answering else {
         return answering;
     };
-    auto.network = auto.network.map(|load| -> LoadNetwork {
-        let loaded: Mutex<Option<Shared>> = Mutex::new(None);
+    auto.networks = auto.networks.map(|load| -> LoadNetworks {
+        let loaded: Mutex<Option<[Shared; 2]>> = Mutex::new(None);
         Box::new(move || {
             let mut loaded = loaded.lock().unwrap_or_else(PoisonError::into_inner);
-            let shared = match &*loaded {
+            let [surfaces, light] = match &*loaded {
                 Some(shared) => shared.clone(),
-                None => Shared(Arc::new(Mutex::new(load()?))),
+                None => {
+                    let Compact { surfaces, light } = load()?;
+                    [surfaces, light].map(|network| Shared(Arc::new(Mutex::new(network))))
+                }
             };
-            *loaded = Some(shared.clone());
-            Ok(Box::new(shared))
+            *loaded = Some([surfaces.clone(), light.clone()]);
+            Ok(Compact {
+                surfaces: Box::new(surfaces),
+                light: Box::new(light),
+            })
         })
     });
     Answering::Auto(auto)

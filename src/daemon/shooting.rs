@@ -345,9 +345,12 @@ async fn wanted(
             return Err(refused(words));
         }
     };
-    if tier == Tier::Paper {
+    if matches!(tier, Tier::Compact | Tier::Paper) {
         let settings = config.inference.clone();
-        let check = move || inference::check_paper(variant, &settings);
+        let check = move || match tier {
+            Tier::Compact => inference::check_compact(&settings),
+            _ => inference::check_paper(variant, &settings),
+        };
         let checked = tokio::task::spawn_blocking(check).await.map_err(broken)?;
         checked.map_err(unusable)?;
     }

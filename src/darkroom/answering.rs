@@ -6,7 +6,7 @@ use crate::{
     costs,
     inference::{self, InferenceError, Settings},
     parsimony::CostModel,
-    relight::networks::{Network, Paper, Variant},
+    relight::networks::{Paper, Variant, compact::Compact},
 };
 use std::{path::PathBuf, time::Duration};
 
@@ -14,6 +14,8 @@ use std::{path::PathBuf, time::Duration};
 pub enum Answering {
     /// Closed forms, every one of them.
     Closed,
+    /// Closed forms, corrected by compact networks.
+    Compact(Compact),
     /// The paper's networks.
     Paper(Paper),
     /// What the shot needs, and time allows.
@@ -25,7 +27,7 @@ impl Answering {
     pub(super) fn has_time(&self) -> bool {
         match self {
             Self::Auto(auto) => auto.budget.is_none(),
-            Self::Closed | Self::Paper(_) => true,
+            Self::Closed | Self::Compact(_) | Self::Paper(_) => true,
         }
     }
 }
@@ -38,12 +40,12 @@ pub struct Auto {
     pub costs_file: Option<PathBuf>,
     /// From the shot in memory to the relit pictures in memory; `None` = as long as it takes.
     pub budget: Option<Duration>,
-    /// Brings the shadow network into memory; `None` without its model file.
-    pub network: Option<LoadNetwork>,
+    /// Brings the compact networks into memory; `None` without their model files.
+    pub networks: Option<LoadNetworks>,
 }
 
-/// Brings a network into memory, or says why it cannot.
-pub type LoadNetwork = Box<dyn Fn() -> Result<Box<dyn Network>, InferenceError> + Send>;
+/// Brings the compact networks into memory, or says why it cannot.
+pub type LoadNetworks = Box<dyn Fn() -> Result<Compact, InferenceError> + Send>;
 
 /// What is asked for.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -64,30 +66,38 @@ pub struct Asked {
 pub fn ready(asked: Asked, settings: &Settings) -> Result<(Answering, Vec<String>), DarkroomError> {
     match asked.tier {
         Tier::Closed => Ok((Answering::Closed, Vec::new())),
+        Tier::Compact => {
+            let answering = Answering::Compact(inference::load_compact(settings)?);
+            Ok((answering, said_of_runtime(settings)?))
+        }
         Tier::Paper => {
-            let paper = inference::load_paper(asked.variant, settings)?;
-            let warning = inference::Runtime::start(settings)?.warning.clone();
-            Ok((Answering::Paper(paper), warning.into_iter().collect()))
+            let answering = Answering::Paper(inference::load_paper(asked.variant, settings)?);
+            Ok((answering, said_of_runtime(settings)?))
         }
         Tier::Auto => {
             let settings = settings.clone();
-            let variant = Variant::Clean.name();
-            let missing = inference::check("shadow", variant, &settings).err();
-            let network = missing.is_none().then(|| -> LoadNetwork {
-                Box::new(move || inference::load("shadow", variant, &settings))
-            });
+            let missing = inference::check_compact(&settings).err();
+            let networks = missing
+                .is_none()
+                .then(|| -> LoadNetworks { Box::new(move || inference::load_compact(&settings)) });
             let costs_file = costs::usual_file();
             let costs::Known { costs, warning } =
-                costs::known(costs_file.as_deref(), network.as_deref())?;
-            let missing = missing.map(|error| format!("shadows are not corrected: {error}"));
+                costs::known(costs_file.as_deref(), networks.as_deref())?;
+            let missing = missing.map(|error| format!("closed forms are not corrected: {error}"));
             let auto = Auto {
                 costs,
                 costs_file,
                 budget: asked.budget,
-                network,
+                networks,
             };
             let warnings = warning.into_iter().chain(missing).collect();
             Ok((Answering::Auto(Box::new(auto)), warnings))
         }
     }
+}
+
+/// What is to be said about what runs the networks.
+fn said_of_runtime(settings: &Settings) -> Result<Vec<String>, InferenceError> {
+    let warning = &inference::Runtime::start(settings)?.warning;
+    Ok(warning.iter().cloned().collect())
 }

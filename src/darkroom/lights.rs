@@ -1,13 +1,13 @@
 //! The developed shot under its lights: by its model, or by the paper's networks.
 
-use super::{Answering, Clock, DarkroomError, LoadNetwork, Order, surroundings::Surroundings};
+use super::{Answering, Clock, DarkroomError, Order, surroundings::Surroundings};
 use crate::{
     develop::Development,
-    parsimony::{Model, Shadow},
+    parsimony::Model,
     relight::{
         Relit,
         enlarge::Mix,
-        networks::{Decomposed, NetworkError, Paper, resampled},
+        networks::{Decomposed, Network, NetworkError, Paper, compact::Compact, resampled},
     },
 };
 use drivers::Plane;
@@ -17,17 +17,19 @@ pub(super) fn lit(
     order: &Order<'_>,
     around: Option<&Surroundings>,
     model: &mut Model,
+    networks: Option<&Compact>,
     clock: &mut Clock,
     observe: &mut dyn FnMut(&str),
 ) -> Result<Vec<Relit>, DarkroomError> {
     match order.answering {
         Answering::Closed => by_model(None, order, around, model, clock, observe),
-        Answering::Auto(auto) => {
-            let load = auto
-                .network
-                .as_ref()
-                .filter(|_| model.terms.shadow == Shadow::Network && !order.lamps.is_empty());
-            by_model(load, order, around, model, clock, observe)
+        Answering::Compact(compact) => {
+            let network = Some(compact.light.as_ref());
+            by_model(network, order, around, model, clock, observe)
+        }
+        Answering::Auto(_) => {
+            let network = networks.map(|compact| compact.light.as_ref());
+            by_model(network, order, around, model, clock, observe)
         }
         Answering::Paper(paper) => Ok(by_networks(
             paper,
@@ -41,25 +43,18 @@ pub(super) fn lit(
 }
 
 fn by_model(
-    load: Option<&LoadNetwork>,
+    network: Option<&dyn Network>,
     order: &Order<'_>,
     around: Option<&Surroundings>,
     model: &Model,
     clock: &mut Clock,
     observe: &mut dyn FnMut(&str),
 ) -> Result<Vec<Relit>, DarkroomError> {
-    let network = match load {
-        Some(load) => {
-            clock.begin("load the network");
-            Some(load()?)
-        }
-        None => None,
-    };
     clock.begin("relight");
     let mut relit = Vec::with_capacity(order.lamps.len());
     for (index, lamp) in order.lamps.iter().enumerate() {
         observe(&format!("light {} of {}", index + 1, order.lamps.len()));
-        relit.push(model.relight(lamp, network.as_deref())?);
+        relit.push(model.relight(lamp, network)?);
     }
     if let Some(((name, _), around)) = order.environment.zip(around) {
         observe(name);

@@ -7,8 +7,9 @@ use super::{
 };
 use crate::{
     develop::{DevelopError, Options, Stage},
-    parsimony::{Criterion, Glance, Model, Plan, Rule, Terms, Workload},
+    parsimony::{Criterion, Glance, Model, Plan, Rule, Shadow, Terms, Workload},
     radiometry::{self, SubtractOptions},
+    relight::networks::compact::Compact,
 };
 use serde::Serialize;
 use std::time::{Duration, Instant};
@@ -39,12 +40,21 @@ pub(super) struct Evidence {
     pub by_bic: Option<Terms>,
 }
 
+/// The shot, developed.
+pub(super) struct Modelled {
+    pub model: Model,
+    /// Why its terms are as they are, where it was asked.
+    pub evidence: Option<Evidence>,
+    /// The networks that were brought into memory for it.
+    pub networks: Option<Compact>,
+}
+
 /// Develops the shot.
 pub(super) fn modelled(
     order: &Order<'_>,
     clock: &mut Clock,
     observe: &mut dyn FnMut(&str),
-) -> Result<(Model, Option<Evidence>), DarkroomError> {
+) -> Result<Modelled, DarkroomError> {
     let began = Instant::now();
     let base = Options::default();
     let shot = order.shot;
@@ -70,15 +80,25 @@ pub(super) fn modelled(
     let flash_only =
         radiometry::subtract(&shot.flash, &shot.ambient, &subtract).map_err(DevelopError::from)?;
     refuse_without_flash(order, &flash_only.report)?;
+    let mut networks = None;
     let (plan, glance, evidence) = match order.answering {
-        Answering::Closed | Answering::Paper(_) => {
+        Answering::Closed | Answering::Compact(_) | Answering::Paper(_) => {
             (Plan::closed(work), Glance::nothing_known(), None)
         }
         Answering::Auto(auto) => {
+            // Whoever counts milliseconds has none for networks that may not be needed.
+            if let (Some(load), None) = (&auto.networks, auto.budget) {
+                clock.begin("load networks");
+                networks = Some(load()?);
+            }
             clock.begin("choose");
             observe("choosing what to model");
             let glance = if steps.look {
-                Some(Glance::at(shot, &flash_only, &base)?)
+                let mut glance = Glance::at(shot, &flash_only, &base, networks.as_ref())?;
+                if networks.is_none() && auto.networks.is_some() {
+                    glance.changes.shadow[1] = Glance::typical().changes.shadow[1];
+                }
+                Some(glance)
             } else {
                 None
             };
@@ -90,14 +110,38 @@ pub(super) fn modelled(
     };
     // Whoever counts milliseconds has none for a second look.
     let build = match (order.answering, order.answering.has_time()) {
-        (Answering::Auto(_), true) => Model::careful,
+        (Answering::Auto(_), true) | (Answering::Compact(_), _) => Model::careful,
         _ => Model::new,
     };
     let model = build(shot, flash_only, &plan, &glance, &base, &mut |stage| {
         clock.begin(name_of(stage));
         observe(stage.description());
     })?;
-    Ok((model, evidence))
+    if let (Answering::Auto(auto), Shadow::Network, None) =
+        (order.answering, plan.terms.shadow, &networks)
+        && let Some(load) = &auto.networks
+    {
+        clock.begin("load networks");
+        networks = Some(load()?);
+    }
+    let surfaces = match (order.answering, &networks) {
+        (Answering::Compact(compact), _) => Some(&compact.surfaces),
+        (_, Some(compact)) if plan.terms.shadow == Shadow::Network => Some(&compact.surfaces),
+        _ => None,
+    };
+    let model = match surfaces {
+        Some(surfaces) => {
+            clock.begin("correct surfaces");
+            observe("correcting surfaces with a network");
+            model.refined(shot, surfaces.as_ref())?
+        }
+        None => model,
+    };
+    Ok(Modelled {
+        model,
+        evidence,
+        networks,
+    })
 }
 
 /// What is done before a plan is made.
@@ -140,8 +184,15 @@ impl Steps {
 
 fn chosen(auto: &Auto, glance: Option<Glance>, work: Workload, began: Instant) -> (Plan, Evidence) {
     let known = glance.clone().unwrap_or_else(Glance::typical);
-    let sufficient =
-        |criterion| Plan::sufficient(&known, criterion, &auto.costs, work, auto.network.is_some());
+    let sufficient = |criterion| {
+        Plan::sufficient(
+            &known,
+            criterion,
+            &auto.costs,
+            work,
+            auto.networks.is_some(),
+        )
+    };
     let enough = sufficient(Criterion::Visible);
     let plan = match auto.budget {
         None => enough,
@@ -152,7 +203,7 @@ fn chosen(auto: &Auto, glance: Option<Glance>, work: Workload, began: Instant) -
             if enough.expected_ms <= left_ms {
                 enough
             } else {
-                Plan::within(left_ms, &known, &auto.costs, work, auto.network.is_some())
+                Plan::within(left_ms, &known, &auto.costs, work, auto.networks.is_some())
             }
         }
     };

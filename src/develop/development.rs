@@ -6,7 +6,7 @@ use crate::{
     relight::{
         Environment, Found, LightSet, Prepared, Relit,
         enlarge::enlarge_relit,
-        networks::{Feed, Photograph, Variant},
+        networks::{Feed, Photograph, Variant, compact::Sight},
         visibility::VisibilityMap,
     },
     scene::{Scene, variance_left},
@@ -85,6 +85,11 @@ impl Development {
         })
     }
 
+    /// What the compact network of surfaces is fed of; `shot` is the one that was developed.
+    pub fn sight(&self, shot: &Shot) -> Sight<'_> {
+        sight(&self.scene, self.light(), &self.registered, shot)
+    }
+
     /// Brings a picture that networks relit to the photograph's own size; one of that size stays as
     /// it is.
     pub fn finish_fed(&self, feed: &Feed, relit: Relit) -> Relit {
@@ -100,6 +105,22 @@ impl Development {
         self.working_light
             .as_ref()
             .unwrap_or(&self.flash_only.light)
+    }
+}
+
+/// What the compact network of surfaces is fed of a scene; `shot` is the one that was developed.
+pub(super) fn sight<'a>(
+    scene: &'a Scene,
+    light: &'a LinearImage,
+    registered: &'a RegisteredDepth,
+    shot: &Shot,
+) -> Sight<'a> {
+    let stated = shot.rig.flash.intensity;
+    Sight {
+        scene,
+        light,
+        registered,
+        intensity: stated.unwrap_or_else(|| likely_intensity(scene, light)),
     }
 }
 

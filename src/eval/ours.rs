@@ -5,10 +5,13 @@ use super::methods::{
 };
 use super::roster::{OURS_AUTO, OURS_BIC, OURS_EVERYTHING, OURS_ONE_STANDARD_ERROR};
 use crate::develop;
-use crate::parsimony::{CostModel, Criterion, Glance, Model, Plan, Rule, Terms, Workload};
+use crate::parsimony::{
+    CostModel, Criterion, Glance, Model, ModelError, Plan, Rule, Shadow, Terms, Workload,
+};
+use crate::radiometry::FlashOnly;
 use crate::relight::{
     Lamp,
-    networks::{Network, NetworkRecord},
+    networks::{Network, NetworkRecord, compact::Compact},
 };
 use serde::{Deserialize, Serialize};
 use std::rc::Rc;
@@ -49,8 +52,8 @@ pub struct Ours {
     pub choice: Choice,
     /// What terms cost here.
     pub costs: CostModel,
-    /// The shadow network; without one, swept shadows are the most there is.
-    pub network: Option<Rc<dyn Network>>,
+    /// The compact networks; without them closed forms are the most there is.
+    pub networks: Option<Rc<Compact>>,
     /// How shots are developed.
     pub develop: develop::Options,
 }
@@ -85,42 +88,38 @@ impl Method for Ours {
     }
 
     fn networks(&self) -> Option<Vec<NetworkRecord>> {
-        Some(
-            self.network
-                .iter()
-                .map(|network| network.record())
-                .collect(),
-        )
+        let networks = self.networks.as_ref();
+        Some(networks.map_or_else(Vec::new, |compact| compact.records().into()))
     }
 
     fn study<'a>(&'a self, subject: Subject<'a>) -> Result<Box<dyn Study + 'a>, MethodError> {
         let shot = &subject.capture.shot;
         let flash_only = subject.development.flash_only.clone();
-        let work = Workload {
-            pixels: flash_only.light.0.len(),
-            working_pixels: self.develop.working_pixels,
-            // As if a person asked for a handful.
-            lamps: 4,
-        };
+        let work = work_of(&flash_only, &self.develop);
         let failed = |error: develop::DevelopError| MethodError::Silent(error.to_string());
         let began = Instant::now();
-        let network = self.network.is_some();
+        let networks = self.networks.as_deref();
         let (glance, criterion) = match self.choice {
             Choice::Everything => (Glance::nothing_known(), Criterion::Visible),
             Choice::By(criterion) => {
-                let glance = Glance::at(shot, &flash_only, &self.develop).map_err(failed)?;
-                (glance, criterion)
+                let glance = Glance::at(shot, &flash_only, &self.develop, networks);
+                (glance.map_err(unmodelled)?, criterion)
             }
         };
-        let plan = Plan::sufficient(&glance, criterion, &self.costs, work, network);
+        let known = networks.is_some();
+        let plan = Plan::sufficient(&glance, criterion, &self.costs, work, known);
         let choosing = began.elapsed();
         let began = Instant::now();
         let build = match self.choice {
-            Choice::By(Criterion::Visible) => Model::careful,
+            Choice::Everything | Choice::By(Criterion::Visible) => Model::careful,
             _ => Model::new,
         };
         let model = build(shot, flash_only, &plan, &glance, &self.develop, &mut |_| ());
-        let model = model.map_err(failed)?;
+        let mut model = model.map_err(failed)?;
+        let networks = networks.filter(|_| plan.terms.shadow == Shadow::Network);
+        if let Some(networks) = networks {
+            model = model.refined(shot, networks.surfaces.as_ref())?;
+        }
         let chosen = Chosen {
             terms: plan.terms,
             factor: plan.factor,
@@ -133,15 +132,31 @@ impl Method for Ours {
         Ok(Box::new(OurStudy {
             model,
             chosen,
-            network: self.network.as_deref(),
+            light: networks.map(|compact| compact.light.as_ref()),
         }))
+    }
+}
+
+fn unmodelled(error: ModelError) -> MethodError {
+    match error {
+        ModelError::Develop(error) => MethodError::Silent(error.to_string()),
+        ModelError::Network(error) => error.into(),
+    }
+}
+
+fn work_of(flash_only: &FlashOnly, develop: &develop::Options) -> Workload {
+    Workload {
+        pixels: flash_only.light.0.len(),
+        working_pixels: develop.working_pixels,
+        // As if a person asked for a handful.
+        lamps: 4,
     }
 }
 
 struct OurStudy<'a> {
     model: Model,
     chosen: Chosen,
-    network: Option<&'a dyn Network>,
+    light: Option<&'a dyn Network>,
 }
 
 impl Study for OurStudy<'_> {
@@ -154,7 +169,7 @@ impl Study for OurStudy<'_> {
     }
 
     fn relight(&mut self, _: usize, lamp: &Lamp) -> Result<Option<Answer>, MethodError> {
-        let relit = self.model.relight(lamp, self.network)?;
+        let relit = self.model.relight(lamp, self.light)?;
         Ok(Some(Answer {
             light: relit.light.0,
             shadow: Some(relit.shadow),

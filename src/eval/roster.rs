@@ -12,8 +12,8 @@ pub const PAPER_NOISY: &str = "paper's networks, trained on noisy depth";
 pub const PAPER_ENV: &str = "paper's Env network, room light left in";
 /// Row 5.
 pub const SIPS: &str = "SIPS: surfaces without depth";
-/// Row 8, with every term.
-pub const OURS_EVERYTHING: &str = "ours, everything";
+/// Row 8, with every term: closed forms corrected by the compact networks.
+pub const OURS_EVERYTHING: &str = "ours, everything (compact networks)";
 /// Row 8, with the terms that a shot needs.
 pub const OURS_AUTO: &str = "ours, auto";
 /// Row 8, with the terms that held-out samples ask for.

@@ -22,7 +22,7 @@ pub use onnx::{OnnxError, inspect};
 pub use runtime::{Backend, Runtime};
 pub use session::NetworkSession;
 
-use crate::relight::networks::{Network, Paper, Variant};
+use crate::relight::networks::{Network, Paper, Variant, compact::Compact};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -82,6 +82,27 @@ pub fn load_paper(variant: Variant, settings: &Settings) -> Result<Paper, Infere
         shadow: network("shadow")?,
         synthesis: network("synthesis")?,
     })
+}
+
+/// Loads the two compact networks, and starts the runtime if none runs yet.
+///
+/// # Errors
+/// [`InferenceError`] as [`load`].
+pub fn load_compact(settings: &Settings) -> Result<Compact, InferenceError> {
+    let network = |name| load(name, Variant::COMPACT, settings);
+    Ok(Compact {
+        surfaces: network("surfaces")?,
+        light: network("light")?,
+    })
+}
+
+/// Reads and checks the files of both compact networks without starting anything.
+///
+/// # Errors
+/// [`InferenceError`] of the first file that is missing or not what the manifest states.
+pub fn check_compact(settings: &Settings) -> Result<(), InferenceError> {
+    check("surfaces", Variant::COMPACT, settings)?;
+    check("light", Variant::COMPACT, settings)
 }
 
 /// Loads one network of this program's manifest.

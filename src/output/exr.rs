@@ -83,6 +83,18 @@ pub fn gray(plane: &Plane<f32>, precision: Precision) -> Result<Vec<u8>, EncodeE
     encode(plane, &["Y"], precision, |pixel, _| *pixel)
 }
 
+/// Several named channels, which stand in alphabetical order → one EXR file's bytes; NaN stays NaN.
+///
+/// # Errors
+/// [`EncodeError::Exr`] for a plane without pixels.
+pub fn layers<const N: usize>(
+    plane: &Plane<[f32; N]>,
+    channels: &[&'static str; N],
+    precision: Precision,
+) -> Result<Vec<u8>, EncodeError> {
+    encode(plane, channels, precision, |pixel, channel| pixel[channel])
+}
+
 fn encode<T: Sync>(
     plane: &Plane<T>,
     channels: &[&'static str],

@@ -1,7 +1,7 @@
 //! What terms cost on this machine.
 
 use super::terms::{Bounced, Geometry, Shadow, Terms};
-use crate::scene::Material;
+use crate::{relight::networks::compact::MOST_PIXELS, scene::Material};
 use serde::{Deserialize, Serialize};
 
 /// Milliseconds as a straight line over pixels.
@@ -66,15 +66,17 @@ pub struct CostModel {
     pub lamp: Line,
     /// What cast shadows add to a lamp.
     pub sweep: Line,
-    /// What a correction adds to a lamp, without the network.
+    /// What a network's correction adds to a lamp, without the network itself.
     pub correction: Line,
+    /// The compact network of surfaces, once a shot; pixels are those of its own grid.
+    pub surfaces_network: Line,
+    /// The compact network of light, once a lamp; pixels are those of its own grid.
+    pub light_network: Line,
     /// From a coarser grid to the photograph's, a lamp.
     pub enlarge: Line,
     /// A look at the small copy.
     pub glance: Line,
-    /// One answer of the shadow network.
-    pub network_ms: f64,
-    /// Bringing the network into memory, once.
+    /// Bringing both networks into memory, once.
     pub network_load_ms: f64,
 }
 
@@ -113,7 +115,7 @@ impl CostModel {
         self
     }
 
-    fn parts(&mut self) -> ([&mut Line; 15], [&mut f64; 2]) {
+    fn parts(&mut self) -> ([&mut Line; 17], [&mut f64; 1]) {
         let lines = [
             &mut self.radiometry,
             &mut self.alignment,
@@ -128,10 +130,12 @@ impl CostModel {
             &mut self.lamp,
             &mut self.sweep,
             &mut self.correction,
+            &mut self.surfaces_network,
+            &mut self.light_network,
             &mut self.enlarge,
             &mut self.glance,
         ];
-        (lines, [&mut self.network_ms, &mut self.network_load_ms])
+        (lines, [&mut self.network_load_ms])
     }
 
     /// Milliseconds from the flash's light to the relit pictures, on a grid reduced by `factor` a side.
@@ -158,8 +162,13 @@ impl CostModel {
             lamp += self.sweep.at(grid);
         }
         if terms.shadow == Shadow::Network {
-            lamp += self.network_ms + self.correction.at(grid);
-            shot += self.network_load_ms;
+            let own = grid.min(MOST_PIXELS);
+            lamp += self.light_network.at(own) + self.correction.at(grid);
+            // Corrected surfaces are made ready once more.
+            shot += self.network_load_ms + self.surfaces_network.at(own) + self.slabs.at(grid);
+            if terms.indirect == Bounced::Predicted {
+                shot += self.obscurance.at(grid);
+            }
         }
         if factor > 1 {
             shot += self.reduce.at(work.pixels);
@@ -198,7 +207,7 @@ mod tests {
             obscurance: line,
             lamp: line,
             sweep: line,
-            network_ms: 30.0,
+            light_network: line,
             ..CostModel::default()
         };
         let work = Workload {

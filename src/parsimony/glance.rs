@@ -1,6 +1,7 @@
 //! A look at a small copy of the shot: what each term would change, and what the shot says for it.
 
 use super::{
+    ModelError,
     depth::depth_scores,
     rule::{Rule, Scores},
     terms::{Bounced, Terms},
@@ -9,19 +10,18 @@ use crate::{
     develop::{DevelopError, Grid, Options},
     radiometry::FlashOnly,
     relight::{
-        Indirect, Lamp, Prepared, RelightOptions, Relit, Shadows,
+        Indirect, Lamp, Preparation, Prepared, RelightOptions, Relit, Shadows,
         enlarge::enlarge_relit,
-        networks::{Doubt, UNSHADOWED},
+        networks::{
+            NetworkError,
+            compact::{Compact, Correction, corrected},
+        },
     },
     scene::{Material, Scene, Shine},
     shot::Shot,
 };
 use rayon::prelude::*;
 use serde::Serialize;
-
-/// What an expected correction counts for: pictures that are nearly right lose more by what is left out.
-/// From what keeps the loss of leaving it out under a tenth of a decibel (rendered validation captures).
-pub(super) const CORRECTED: f32 = 1.1;
 
 /// Pixels of the small copy.
 pub(super) const PIXELS: usize = 4_096;
@@ -58,7 +58,8 @@ pub struct Changes {
     pub geometry: [f32; 2],
     /// Matte; one roughness.
     pub material: [f32; 2],
-    /// No cast shadow; no network, as what it is expected to correct.
+    /// No cast shadow; no networks. What networks that were trained for the least squared error change is
+    /// what they are expected to mend; 0 where they were not asked.
     pub shadow: [f32; 2],
     /// No bounced light; an even one.
     pub indirect: [f32; 2],
@@ -72,9 +73,6 @@ pub struct Glance {
     pub tolerance: f32,
     /// What leaving terms out changes.
     pub changes: Changes,
-    /// What a network is expected to correct under each of the probes, as [`Changes::shadow`]; empty where
-    /// nothing was looked at.
-    pub corrections: Vec<f32>,
     /// What the depth's samples say: plane, smooth, full.
     pub depth: Scores,
     /// What the photograph says: matte, one roughness, varying.
@@ -89,7 +87,6 @@ impl Glance {
     pub fn typical() -> Self {
         Self {
             tolerance: LEAST_CHANGE,
-            corrections: Vec::new(),
             changes: Changes {
                 geometry: [0.1, 0.02],
                 material: [0.04, 0.016],
@@ -107,7 +104,6 @@ impl Glance {
         let all = [f32::INFINITY; 2];
         Self {
             tolerance: 0.0,
-            corrections: Vec::new(),
             changes: Changes {
                 geometry: all,
                 material: all,
@@ -120,11 +116,16 @@ impl Glance {
         }
     }
 
-    /// Looks at the shot. `flash_only` is its light.
+    /// Looks at the shot. `flash_only` is its light; what the `networks` would change is asked of them.
     ///
     /// # Errors
-    /// [`DevelopError`] when it cannot be developed at all.
-    pub fn at(shot: &Shot, flash_only: &FlashOnly, base: &Options) -> Result<Self, DevelopError> {
+    /// [`ModelError`] when it cannot be developed at all, or a network fails.
+    pub fn at(
+        shot: &Shot,
+        flash_only: &FlashOnly,
+        base: &Options,
+        networks: Option<&Compact>,
+    ) -> Result<Self, ModelError> {
         let grid = Grid::of(shot, flash_only, PIXELS)?;
         let depth = depth_scores(shot);
         let lamps = PROBES.map(|toward| Lamp::from_person(toward).expect("a direction"));
@@ -199,9 +200,10 @@ impl Glance {
             },
             one,
         ];
-        let corrections = corrections(&prepared, &reference, &lamps);
-        let squares: f32 = corrections.iter().map(|one| one * one).sum();
-        let corrected = (squares / corrections.len().max(1) as f32).sqrt();
+        let corrected = match networks {
+            Some(networks) => changed(&refined(&grid, &scene, shot, &lamps, networks)?),
+            None => 0.0,
+        };
         let blocked = prepared.mean_blocked();
         let even = prepared.evenly_blocked(blocked);
         let shine = scene.shine.clone().unwrap_or_default();
@@ -213,7 +215,6 @@ impl Glance {
                 shadow: [changed(&pictures(&prepared, unshadowed)), corrected],
                 indirect: [changed(&direct), changed(&pictures(&even, all))],
             },
-            corrections,
             depth,
             material: material_scores(&shine),
             blocked,
@@ -264,15 +265,20 @@ fn change(reference: &[Relit], relit: &[Relit]) -> f32 {
     (sum / f64::from(count.max(1))).sqrt() as f32
 }
 
-/// What a network is expected to correct, probe by probe.
-fn corrections(prepared: &Prepared, reference: &[Relit], lamps: &[Lamp]) -> Vec<f32> {
-    let doubt = Doubt::of(prepared);
-    let one = |(lamp, reference): (&Lamp, &Relit)| {
-        let direct = prepared.relight(lamp, UNSHADOWED);
-        let errors = doubt.swept_errors(lamp, &reference.shadow);
-        CORRECTED * Doubt::correctable(&errors, &direct)
-    };
-    lamps.par_iter().zip(reference).map(one).collect()
+/// The small copy under the probes as the networks correct it.
+fn refined(
+    grid: &Grid<'_>,
+    scene: &Scene,
+    shot: &Shot,
+    lamps: &[Lamp],
+    networks: &Compact,
+) -> Result<Vec<Relit>, NetworkError> {
+    let given = grid.sight(scene, shot).given();
+    let scene = corrected(scene, &given, networks.surfaces.as_ref())?;
+    let prepared = Prepared::new(&scene, Preparation::default());
+    let correction = Correction::of(&scene, &prepared);
+    let one = |lamp| correction.relight(&prepared, lamp, networks.light.as_ref());
+    lamps.iter().map(one).collect()
 }
 
 /// What may change: the noise of a relit picture is as large a share of it as that of the photograph is.

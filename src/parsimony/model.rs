@@ -4,14 +4,17 @@ use super::{
     fallback::{self, SURE, hedged, unwrapped, without},
     glance::Glance,
     plan::Plan,
-    terms::{Shadow, Terms},
+    terms::Terms,
 };
 use crate::{
     develop::{DevelopError, Development, Options, Stage, develop_light},
     radiometry::{FlashOnly, LinearImage, photograph},
     relight::{
-        Lamp, RelightOptions, Relit,
-        networks::{Doubt, Feed, Network, NetworkError, Variant},
+        Lamp, Preparation, Prepared, RelightOptions, Relit,
+        networks::{
+            Network, NetworkError,
+            compact::{Correction, corrected},
+        },
     },
     shot::Shot,
     verdict::{Verdict, contradicted, judge},
@@ -43,16 +46,15 @@ pub struct Model {
     pub development: Development,
     /// The terms.
     pub terms: Terms,
-    /// What a network has to correct under a lamp to be asked, root mean square, linear light of white = 1.
-    pub least_correction: f32,
     /// What the shot says about itself; only of a careful model.
     pub verdict: Option<Verdict>,
     /// Whether depth that the photograph contradicts was left out.
     pub depth_left_out: bool,
     /// The photograph and how answers lean on it, where they do.
     leaning: Option<(LinearImage, f32)>,
-    /// What a network needs to correct its shadows.
-    correction: Option<(Doubt, Feed)>,
+    /// What a network corrects its light by, where surfaces were refined.
+    correction: Option<Box<Correction>>,
+    preparation: Preparation,
 }
 
 impl Model {
@@ -70,19 +72,14 @@ impl Model {
     ) -> Result<Self, DevelopError> {
         let options = plan.options(base, flash_only.light.0.len(), glance.blocked);
         let development = develop_light(shot, flash_only, &options, begins)?;
-        let corrects = plan.terms.shadow == Shadow::Network;
-        let correction = corrects.then(|| {
-            let doubt = Doubt::of(&development.prepared);
-            (doubt, development.feed(shot, Variant::Clean))
-        });
         Ok(Self {
             verdict: None,
             depth_left_out: false,
             leaning: None,
             development,
             terms: plan.terms,
-            least_correction: plan.least_correction(glance),
-            correction,
+            correction: None,
+            preparation: options.prepare,
         })
     }
 
@@ -148,12 +145,28 @@ impl Model {
         Ok(model)
     }
 
+    /// The same with its surfaces corrected by the compact network `surfaces`; [`Self::relight`] is then to
+    /// be given the compact network of light. `shot` is the one that was developed.
+    ///
+    /// # Errors
+    /// [`NetworkError`] of the network.
+    pub fn refined(mut self, shot: &Shot, surfaces: &dyn Network) -> Result<Self, NetworkError> {
+        let development = &mut self.development;
+        let given = development.sight(shot).given();
+        development.scene = corrected(&development.scene, &given, surfaces)?;
+        development.prepared = Prepared::new(&development.scene, self.preparation);
+        let correction = Correction::of(&development.scene, &development.prepared);
+        self.correction = Some(Box::new(correction));
+        Ok(self)
+    }
+
     /// Share of the photograph that answers are mixed with, [0, 0.9].
     pub fn hedge(&self) -> f32 {
         self.leaning.as_ref().map_or(0.0, |(_, share)| *share)
     }
 
-    /// The photograph under a lamp, at its own size. Without a `network` swept shadows stay as they are.
+    /// The photograph under a lamp, at its own size. Without a `network` swept shadows stay as they are;
+    /// it is the compact one of light, for surfaces that were [refined](Self::refined).
     ///
     /// # Errors
     /// [`NetworkError`] of the network.
@@ -164,9 +177,7 @@ impl Model {
     ) -> Result<Relit, NetworkError> {
         let prepared = &self.development.prepared;
         let relit = match (&self.correction, network) {
-            (Some((doubt, feed)), Some(network)) => {
-                doubt.relight(prepared, lamp, network, feed, self.least_correction)?
-            }
+            (Some(correction), Some(network)) => correction.relight(prepared, lamp, network)?,
             _ => prepared.relight(lamp, RelightOptions::default()),
         };
         let mut relit = self.development.finish(relit);

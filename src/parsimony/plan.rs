@@ -2,7 +2,7 @@
 
 use super::{
     cost::{CostModel, Workload},
-    glance::{CORRECTED, Glance},
+    glance::Glance,
     rule::Rule,
     terms::{Bounced, Geometry, Shadow, Terms},
 };
@@ -14,6 +14,8 @@ const COARSER: [usize; 6] = [1, 2, 3, 4, 6, 8];
 
 /// Share of all time that the largest change must save to be worth it.
 const WORTH: f64 = 0.5;
+/// What saves less than this share of all time is not left out: the look at a few pixels may miss what it does.
+const NEGLIGIBLE: f64 = 0.02;
 
 /// What decides that a term may go.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -85,7 +87,7 @@ impl Plan {
             }
         };
         let everything = Self::of(full(network), base_factor(work), glance, costs, work);
-        plans(network, work)
+        let worth: Vec<(Self, f64)> = plans(network, work)
             .map(|(terms, factor)| Self::of(terms, factor, glance, costs, work))
             .filter(|plan| plan.factor <= 2 * base_factor(work) && allowed(plan))
             .map(|plan| {
@@ -96,9 +98,20 @@ impl Plan {
                 let change = f64::from(share.min(1.0));
                 (plan, time + WORTH * change * change)
             })
-            .min_by(|a, b| a.1.total_cmp(&b.1))
-            .map(|(plan, _)| plan)
-            .unwrap_or(everything)
+            .collect();
+        let best = worth
+            .iter()
+            .map(|(_, worth)| *worth)
+            .fold(f64::INFINITY, f64::min);
+        let as_good = worth
+            .iter()
+            .filter(|(_, worth)| *worth <= best + NEGLIGIBLE);
+        as_good
+            .max_by(|(a, a_worth), (b, b_worth)| {
+                let richer = a.terms.rank().cmp(&b.terms.rank());
+                richer.then(b_worth.total_cmp(a_worth))
+            })
+            .map_or(everything, |(plan, _)| *plan)
     }
 
     /// The plan of the least change that takes no longer than `budget_ms`; the cheapest one where
@@ -141,22 +154,6 @@ impl Plan {
             budget_ms,
             least_ms,
         })
-    }
-
-    /// What a network has to correct under a lamp to be asked (as `Doubt::correctable` has it): the least
-    /// corrections are left out as long as all together, with what else the plan leaves out, are not seen.
-    pub fn least_correction(&self, glance: &Glance) -> f32 {
-        if glance.corrections.is_empty() {
-            return glance.tolerance / CORRECTED;
-        }
-        let mut corrections = glance.corrections.clone();
-        corrections.sort_unstable_by(f32::total_cmp);
-        let mut left = glance.tolerance.powi(2) - self.change.powi(2);
-        let fits = corrections.iter().take_while(|correction| {
-            left -= correction.powi(2) / glance.corrections.len() as f32;
-            left >= 0.0
-        });
-        fits.last().map_or(0.0, |largest| largest / CORRECTED)
     }
 
     /// How a photograph of `pixels` is developed. `blocked` is the mean share of the hemisphere that
@@ -327,7 +324,8 @@ mod tests {
             correction: line(8.0),
             enlarge: line(3.0),
             glance: line(10.0),
-            network_ms: 20.0,
+            surfaces_network: line(100.0),
+            light_network: line(40.0),
             network_load_ms: 50.0,
         }
     }
@@ -389,7 +387,7 @@ mod tests {
         let costs = CostModel {
             one_roughness: line(600.0),
             obscurance: line(600.0),
-            network_ms: 150.0,
+            light_network: line(600.0),
             ..costs()
         };
         let plan = Plan::sufficient(&glance(several), Criterion::Visible, &costs, WORK, true);
@@ -418,23 +416,6 @@ mod tests {
         };
         assert_eq!(indirect(1.0), Bounced::Predicted);
         assert_eq!(indirect(1000.0), Bounced::None);
-    }
-
-    #[test]
-    fn a_network_is_asked_where_it_corrects_most_as_far_as_the_rest_is_not_seen() {
-        let mut looked = glance(Changes::default());
-        looked.corrections = [0.03, 0.004, 0.012, 0.008, 0.002, 0.05].to_vec();
-        let plan = Plan::sufficient(&looked, Criterion::Visible, &costs(), WORK, true);
-        // (0.002² + 0.004² + 0.008² + 0.012²) / 6 = 0.0062²; with 0.03² it would be 0.0137².
-        let least = plan.least_correction(&looked) * CORRECTED;
-        assert!((least - 0.012).abs() < 1e-6, "{least}");
-        let seen = Plan {
-            change: 0.009,
-            ..plan
-        };
-        // 0.01² − 0.009² leaves 0.0044².
-        let least = seen.least_correction(&looked) * CORRECTED;
-        assert!((least - 0.008).abs() < 1e-6, "{least}");
     }
 
     #[test]

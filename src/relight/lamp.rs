@@ -66,6 +66,14 @@ impl Lamp {
         }
     }
 
+    /// The same lamp, of color 1.
+    pub fn white(&self) -> Self {
+        Self {
+            color: [1.0; 3],
+            ..*self
+        }
+    }
+
     /// Unit vector toward the lamp in camera axes (x right, y down, z forward).
     pub fn toward(&self) -> Vec3 {
         self.toward

@@ -95,6 +95,16 @@ impl Surfaces {
         }
     }
 
+    /// Albedo, one plane a channel; NaN = unknown.
+    pub(super) fn albedo(&self) -> &[Vec<f32>; 3] {
+        &self.albedo
+    }
+
+    /// Share of the hemisphere that the scene itself blocks, pixel by pixel.
+    pub(super) fn obscurance(&self) -> &[f32] {
+        &self.obscurance
+    }
+
     pub(super) fn block_evenly(&mut self, share: f32) {
         self.obscurance.fill(share);
     }

@@ -1,26 +1,40 @@
-//! The networks' grid: about 128 × 128 pixels, sides that five halvings divide.
+//! The networks' grids: so many pixels at most, sides that their halvings divide.
 
 use crate::relight::enlarge::{Mix, enlarge};
 use drivers::Plane;
 use rayon::prelude::*;
 
-/// Pixels of a square picture of the largest size that the shipped networks saw in training, 128 × 128.
-/// At the paper's 256 × 256 they do worse: on eight test scenes shadow MSE is 8.4e-2 instead of 6.9e-2.
-const PIXELS: f64 = 16_384.0;
-/// Both sides are multiples of this: five layers halve the picture.
-const MULTIPLE: f64 = 32.0;
 /// Longest side, for pictures that are all width or all height.
 const LONGEST: f64 = 2048.0;
 
-/// (width, height) of the grid for a picture of this shape; 128 × 128 for squares.
-pub(super) fn size_for((width, height): (usize, usize)) -> (usize, usize) {
-    let aspect = width.max(1) as f64 / height.max(1) as f64;
-    let side =
-        |length: f64| ((length / MULTIPLE).round() * MULTIPLE).clamp(MULTIPLE, LONGEST) as usize;
-    (
-        side((PIXELS * aspect).sqrt()),
-        side((PIXELS / aspect).sqrt()),
-    )
+/// What a network asks of the pictures it is given.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Grid {
+    /// Pixels to come near to.
+    pub pixels: f64,
+    /// Both sides are multiples of this.
+    pub multiple: f64,
+}
+
+impl Grid {
+    /// (width, height) of the grid for a picture of this shape.
+    pub(super) fn size_for(self, (width, height): (usize, usize)) -> (usize, usize) {
+        let Self { pixels, multiple } = self;
+        let aspect = width.max(1) as f64 / height.max(1) as f64;
+        let side = |length: f64| {
+            ((length / multiple).round() * multiple).clamp(multiple, LONGEST) as usize
+        };
+        (
+            side((pixels * aspect).sqrt()),
+            side((pixels / aspect).sqrt()),
+        )
+    }
+
+    /// The same, but no finer than the picture.
+    pub(super) fn within(self, (width, height): (usize, usize)) -> (usize, usize) {
+        let pixels = self.pixels.min((width * height) as f64);
+        Self { pixels, ..self }.size_for((width, height))
+    }
 }
 
 /// Means over what each pixel of the grid covers; unknown samples do not take part, and a pixel that
@@ -87,7 +101,7 @@ pub(super) fn nearest<T: Copy>(plane: &Plane<T>, (width, height): (usize, usize)
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use super::{super::feed::GRID, *};
 
     #[test]
     fn grids_have_the_pixels_of_128_squared_and_sides_that_halve_five_times() {
@@ -101,7 +115,7 @@ mod tests {
             Case((3000, 4000), (96, 160)),
             Case((9000, 1), (2048, 32)),
         ] {
-            assert_eq!(size_for(picture), grid, "{picture:?}");
+            assert_eq!(GRID.size_for(picture), grid, "{picture:?}");
         }
     }
 
@@ -123,7 +137,7 @@ mod tests {
     #[test]
     fn a_picture_of_the_grids_size_stays_as_it_is() {
         let plane = Plane::from_fn(128, 128, |x, y| (x * 7 + y) as f32);
-        assert_eq!(resampled(&plane, size_for(plane.size())), plane);
+        assert_eq!(resampled(&plane, GRID.size_for(plane.size())), plane);
         assert_eq!(nearest(&plane, (128, 128)), plane);
     }
 }

@@ -1,17 +1,16 @@
-//! The paper's tier: three networks instead of closed forms.
+//! Networks: the paper's three instead of closed forms, and compact ones that correct closed forms.
 //!
-//! Qiu, Zeng, Ke, Sun, Yang, "Towards Geometry Guided Neural Relighting with Flash Photography",
+//! The paper: Qiu, Zeng, Ke, Sun, Yang, "Towards Geometry Guided Neural Relighting with Flash Photography",
 //! 3DV 2020. What the networks are fed stands in [`feed`] and is the same as in
 //! `models/reference/feeding.py`; what runs them is behind [`Network`] and not known here.
 
-mod correction;
+pub mod compact;
 pub mod feed;
 pub mod frame;
 mod grid;
 mod paper;
 mod render;
 
-pub use correction::{Doubt, UNSHADOWED};
 pub use feed::{Feed, Photograph};
 pub use grid::resampled;
 pub use paper::{Decomposed, Paper};
@@ -64,7 +63,7 @@ impl Channels {
 /// Where a network comes from and what its answers have cost so far; for `shot.json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct NetworkRecord {
-    /// What it answers: `decompose`, `shadow` or `synthesis`.
+    /// What it answers: `decompose`, `shadow` or `synthesis`; `surfaces` or `light`.
     pub name: String,
     /// What it was trained on.
     pub variant: String,
@@ -135,6 +134,9 @@ pub enum Variant {
 }
 
 impl Variant {
+    /// What the manifest calls the variant of compact networks, which know clean and noisy depth.
+    pub const COMPACT: &'static str = "compact";
+
     /// Its name in the manifest.
     pub fn name(self) -> &'static str {
         match self {

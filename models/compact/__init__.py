@@ -1,0 +1,1 @@
+"""Two small networks that correct closed forms: how they are built, trained and shipped."""

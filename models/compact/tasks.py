@@ -1,0 +1,135 @@
+"""What each network is asked for and judged by."""
+
+import torch
+from torch.nn import functional
+
+from .networks import LightNet, SurfacesNet
+
+AMPLITUDE = slice(13, 15)
+"""Planes of `sight` that a camera without infrared picture leaves empty."""
+
+MOST_SIGMAS = 3.0
+"""Depth moves by at most so many of its standard deviations; `corrected` in surfaces.rs does the same."""
+
+DEPTH_UNIT = 0.01
+"""Relative error of depth that counts as much as a tenth in the others."""
+
+
+def mean(error, known):
+    """The mean over known pixels and all channels."""
+    return (error * known).sum() / (known.sum() * error.shape[1]).clamp(min=1)
+
+
+def gaussians(error, sigma):
+    """Negative log-likelihood of errors under their stated sigmas."""
+    return torch.log(sigma) + 0.5 * (error / sigma) ** 2
+
+
+class Surfaces:
+    """Normals, albedo, roughness and depth."""
+
+    name = "surfaces"
+    given = {"sight": 16}
+    outputs = {"turn": 3, "factor": 3, "roughness": 1, "step": 1, "sigma": 1}
+    names = ["sight", "truth.albedo", "truth.normal", "truth.roughness", "truth.depth"]
+
+    def __init__(self, **shape):
+        self.network = SurfacesNet(**shape)
+
+    def drop(self, batch, dice):
+        """Half of the captures lose their amplitude: its absence must be fine."""
+        lost = torch.from_numpy(dice.random(len(batch["sight"])) < 0.5)
+        batch["sight"][lost, AMPLITUDE] = 0
+
+    def errors(self, batch):
+        """(squared errors by name as the tables state them, what training descends)."""
+        sight = batch["sight"]
+        normal, albedo, roughness, depth, sigma = self.network(sight)
+        truth = {name: batch[f"truth.{name}"] for name in ("albedo", "normal", "roughness", "depth")}
+        known = sight[:, 15:16] * torch.stack([t.isfinite().all(1) for t in truth.values()], 0).all(0)[:, None]
+        truth = {name: torch.nan_to_num(t) for name, t in truth.items()}
+        normal = functional.normalize(sight[:, 0:3] + normal, dim=1)
+        albedo = (sight[:, 3:6] ** 2 * torch.exp(albedo.clamp(-4, 4))).clamp(0, 1)
+        # No further than the closed form's own doubt: what is known exactly stays.
+        doubt = MOST_SIGMAS * (torch.exp(4 * sight[:, 11:12]) - 1) / 1000
+        depth = torch.minimum(torch.maximum(depth, -doubt), doubt)
+        step = depth - truth["depth"].clamp(-0.1, 0.1)
+        errors = {
+            "albedo": mean((albedo - truth["albedo"]) ** 2, known),
+            "normal": mean((0.5 * (normal - truth["normal"])) ** 2, known),
+            "roughness": mean((roughness - truth["roughness"]) ** 2, known),
+        }
+        roots = mean((albedo.clamp(min=1e-4).sqrt() - truth["albedo"].sqrt()) ** 2, known)
+        # Shape matters to shading and shadows, where a surface stands less; edges of things are others' errors.
+        scaled = 0.1 * step / DEPTH_UNIT
+        sides = sum(mean((scaled.diff(dim=d)).abs().clamp(max=0.5), known.narrow(d, 1, known.shape[d] - 1)) for d in (2, 3))
+        depth_loss = mean(functional.huber_loss(scaled, torch.zeros_like(scaled), reduction="none", delta=0.1), known)
+        sigma_loss = mean(gaussians(step.detach().abs().clamp(1e-4), sigma), known)
+        loss = errors["albedo"] + roots + 2 * errors["normal"] + 0.5 * errors["roughness"]
+        loss = loss + depth_loss + 0.2 * sides + 1e-3 * sigma_loss
+        errors["depth"] = mean((step.abs() / DEPTH_UNIT).clamp(max=5), known)
+        return errors, loss
+
+    def before(self, batch):
+        """The same errors of the closed form."""
+        kept, self.network = self.network, lambda s: (0 * s[:, :3], 0 * s[:, :3], s[:, 8:9], 0 * s[:, :1], 0 * s[:, :1] + 0.01)
+        try:
+            return self.errors(batch)[0]
+        finally:
+            self.network = kept
+
+
+class Light:
+    """Cast shadows and bounced light under one lamp."""
+
+    name = "light"
+    given = {"lamp": 17}
+    outputs = {"weight": 1, "shadow": 1, "bounced": 3}
+    names = ["ground", "albedo", "toward", "closed", "direct", "seen", "thin", "thick", "truth.shadow", "truth.relit"]
+
+    def __init__(self, **shape):
+        self.network = LightNet(**shape)
+
+    def drop(self, batch, dice):
+        """Nothing here may be absent."""
+
+    @staticmethod
+    def lamp(batch):
+        """What `Correction::given` makes of the same."""
+        ground, seen = batch["ground"], batch["seen"]
+        toward = batch["toward"][:, :, None, None]
+        known = ground[:, 6:7]
+        cosine = (ground[:, 0:3] * toward).sum(1, keepdim=True)
+        lit = torch.nan_to_num(batch["direct"] * seen).clamp(0, 2) * known
+        toward = toward.expand(-1, -1, *ground.shape[-2:]) * known
+        return torch.cat([seen * known, batch["thin"] * known, batch["thick"] * known, cosine, lit, toward, ground], 1)
+
+    def errors(self, batch):
+        """(squared errors by name as the tables state them, what training descends)."""
+        weight, told, bounced = self.network(self.lamp(batch))
+        seen, direct = batch["seen"], torch.nan_to_num(batch["direct"])
+        known = batch["ground"][:, 6:7] * batch["truth.relit"].isfinite().all(1, keepdim=True)
+        step = weight * (told - seen)
+        light = torch.nan_to_num(batch["closed"]) + step * direct + torch.nan_to_num(batch["albedo"]) * bounced
+        truth = torch.nan_to_num(batch["truth.relit"])
+        # What faces away is dark whatever the network says.
+        facing = (direct.sum(1, keepdim=True) > 0).float()
+        shadow = mean((seen + step - batch["truth.shadow"]) ** 2, known * facing)
+        apart = light.clamp(min=0) - truth
+        errors = {
+            "shadow": mean((seen + step * facing - batch["truth.shadow"]) ** 2, known),
+            "relit": mean((light.clamp(0, 1) - truth.clamp(0, 1)) ** 2, known),
+        }
+        huber = functional.huber_loss(apart, torch.zeros_like(apart), reduction="none", delta=0.2)
+        return errors, shadow + 8 * mean(huber, known)
+
+    def before(self, batch):
+        """The same errors of the closed form."""
+        kept, self.network = self.network, lambda s: (0 * s[:, :1], 0 * s[:, :1], 0 * s[:, :3])
+        try:
+            return self.errors(batch)[0]
+        finally:
+            self.network = kept
+
+
+TASKS = {"surfaces": Surfaces, "light": Light}

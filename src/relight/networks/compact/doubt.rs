@@ -1,0 +1,35 @@
+//! What a sweep is unsure of: how thick bodies are.
+
+use crate::relight::{Indirect, Lamp, Prepared, RelightOptions, Shadows};
+use drivers::Plane;
+
+/// Bodies may be so many times thinner or thicker than guessed.
+const THICKNESS_DOUBT: f32 = 2.5;
+
+/// The light that comes straight from the lamp, as if nothing stood in its way.
+pub const UNSHADOWED: RelightOptions = RelightOptions {
+    shadows: Shadows::None,
+    indirect: Indirect::None,
+};
+
+/// A scene with bodies thinner and thicker than guessed.
+#[derive(Debug, Clone)]
+pub struct Doubt {
+    thin: Prepared,
+    thick: Prepared,
+}
+
+impl Doubt {
+    /// Of a scene that casts shadows.
+    pub fn of(prepared: &Prepared) -> Self {
+        Self {
+            thin: prepared.with_thickness(1.0 / THICKNESS_DOUBT),
+            thick: prepared.with_thickness(THICKNESS_DOUBT),
+        }
+    }
+
+    /// Visibility with bodies thinner than guessed, and thicker.
+    pub fn others(&self, lamp: &Lamp) -> [Plane<f32>; 2] {
+        [self.thin.visibility(lamp), self.thick.visibility(lamp)]
+    }
+}

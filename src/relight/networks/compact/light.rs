@@ -1,0 +1,170 @@
+//! One lamp as a network corrects it: which light arrives, and how much is bounced.
+
+use super::{
+    super::{
+        Channels, Network, NetworkError,
+        grid::{nearest, resampled},
+        paper::{answers, plane},
+    },
+    DEPTH_GAIN, GRID,
+    doubt::{Doubt, UNSHADOWED},
+    doubt_of, finite,
+    sight::median_depth,
+};
+use crate::{
+    relight::{Lamp, Prepared, RelightOptions, Relit},
+    scene::Scene,
+};
+use drivers::Plane;
+
+/// What the network of light is fed whatever the lamp.
+#[derive(Debug, Clone)]
+pub struct Ground {
+    /// Normal (x right, y up, z toward the camera), sigma of depth, depth, share of the hemisphere
+    /// that the scene blocks, whether a surface is known; 0 where nothing is.
+    pub planes: Channels,
+}
+
+impl Ground {
+    /// Of a scene and what was made ready of it.
+    pub fn of(scene: &Scene, prepared: &Prepared) -> Self {
+        let size = GRID.within(scene.albedo.size());
+        let normal = resampled(&scene.normal, size);
+        let albedo = resampled(&scene.albedo, size);
+        let metres = nearest(&scene.depth_metres, size);
+        let sigma = nearest(&scene.depth_sigma_metres, size);
+        let (width, height) = prepared.size();
+        let blocked = prepared.surfaces.obscurance().to_vec();
+        let blocked = Plane::new(width, height, blocked).expect("one per pixel");
+        let blocked = resampled(&blocked, size);
+        let middle = median_depth(&metres);
+        let planes = Channels::from_pixels(size, |index| {
+            let (z, normal) = (metres.samples()[index], normal.samples()[index]);
+            let known = z.is_finite() && normal.is_finite();
+            if !(known && albedo.samples()[index][0].is_finite()) {
+                return [0.0; 7];
+            }
+            [
+                normal.x,
+                -normal.y,
+                -normal.z,
+                doubt_of(sigma.samples()[index], z),
+                finite(DEPTH_GAIN * (z / middle).ln()),
+                finite(blocked.samples()[index]),
+                1.0,
+            ]
+        });
+        Self { planes }
+    }
+}
+
+/// The closed form's answer for one lamp of color 1, with what it is unsure of.
+#[derive(Debug, Clone)]
+pub struct Swept {
+    /// As [`Prepared::relight`] gives it.
+    pub relit: Relit,
+    /// Visibility with bodies thinner than guessed, and thicker.
+    pub others: [Plane<f32>; 2],
+    /// Light straight from the lamp as if nothing stood in its way.
+    pub direct: Plane<[f32; 3]>,
+}
+
+/// What corrects a scene's lamps.
+#[derive(Debug, Clone)]
+pub struct Correction {
+    ground: Ground,
+    doubt: Doubt,
+}
+
+impl Correction {
+    /// Of a scene and what was made ready of it.
+    pub fn of(scene: &Scene, prepared: &Prepared) -> Self {
+        Self {
+            ground: Ground::of(scene, prepared),
+            doubt: Doubt::of(prepared),
+        }
+    }
+
+    /// What does not depend on the lamp.
+    pub fn ground(&self) -> &Ground {
+        &self.ground
+    }
+
+    /// The closed form under a white lamp in the direction of `lamp`.
+    pub fn swept(&self, prepared: &Prepared, lamp: &Lamp) -> Swept {
+        let white = lamp.white();
+        Swept {
+            relit: prepared.relight(&white, RelightOptions::default()),
+            others: self.doubt.others(&white),
+            direct: prepared.relight(&white, UNSHADOWED).light.0,
+        }
+    }
+
+    /// Seventeen planes on the network's grid, 0 where nothing is known: visibility as guessed, with
+    /// thinner and thicker bodies, n·l, light of the lamp after shadows (3), the unit vector toward the
+    /// lamp (3; x right, y up, z toward the camera), and those of [`Ground`].
+    pub fn given(&self, swept: &Swept, lamp: &Lamp) -> Channels {
+        let ground = &self.ground.planes;
+        let size = ground.size;
+        let seen = resampled(&swept.relit.shadow, size);
+        let others = swept.others.each_ref().map(|plane| resampled(plane, size));
+        let direct = resampled(&swept.direct, size);
+        let toward = lamp.person_direction();
+        Channels::from_pixels(size, |index| {
+            let ground: [f32; 7] = std::array::from_fn(|c| ground.channel(c)[index]);
+            if ground[6] == 0.0 {
+                return [0.0; 17];
+            }
+            let seen = finite(seen.samples()[index]);
+            let [thin, thick] = others
+                .each_ref()
+                .map(|plane| finite(plane.samples()[index]));
+            let cosine = ground[0] * toward[0] + ground[1] * toward[1] + ground[2] * toward[2];
+            let lit = direct.samples()[index].map(|value| (finite(value) * seen).clamp(0.0, 2.0));
+            let [n0, n1, n2, sigma, depth, blocked, known] = ground;
+            [
+                seen, thin, thick, cosine, lit[0], lit[1], lit[2], toward[0], toward[1], toward[2],
+                n0, n1, n2, sigma, depth, blocked, known,
+            ]
+        })
+    }
+
+    /// The scene under one lamp.
+    ///
+    /// # Errors
+    /// [`NetworkError`] of the network.
+    pub fn relight(
+        &self,
+        prepared: &Prepared,
+        lamp: &Lamp,
+        network: &dyn Network,
+    ) -> Result<Relit, NetworkError> {
+        let swept = self.swept(prepared, lamp);
+        let given = self.given(&swept, lamp);
+        let wanted = [("weight", 1), ("shadow", 1), ("bounced", 3)];
+        let [weight, shadow, bounced] = answers(network, &[("lamp", &given)], &wanted)?;
+        let size = prepared.size();
+        let one = |answer: &Channels| resampled(&plane::<1>(answer).map(|[value]| *value), size);
+        let (weight, told) = (one(&weight), one(&shadow));
+        let bounced = resampled(&plane::<3>(&bounced), size);
+        let albedo = prepared.surfaces.albedo();
+        let mut relit = swept.relit;
+        let pixels = relit.light.0.samples_mut().iter_mut();
+        let pixels = pixels.zip(relit.shadow.samples_mut());
+        for (index, (light, shadow)) in pixels.enumerate() {
+            let weight = finite(weight.samples()[index]).clamp(0.0, 1.0);
+            let told = finite(told.samples()[index]).clamp(0.0, 1.0);
+            // NaN stays NaN, and what is turned away has no direct light to add.
+            let step = weight * (told - *shadow);
+            *shadow += step;
+            let direct = swept.direct.samples()[index];
+            let bounced = bounced.samples()[index];
+            *light = std::array::from_fn(|c| {
+                let more = step * direct[c] + albedo[c][index] * finite(bounced[c]);
+                let sum = light[c] + more;
+                lamp.color[c] * if sum < 0.0 { 0.0 } else { sum }
+            });
+        }
+        Ok(relit)
+    }
+}

@@ -1,0 +1,240 @@
+//! What the compact networks are fed, and what becomes of what they say: with networks that say what a test wants.
+
+use captured::{
+    radiometry::LinearImage,
+    registration::RegisteredDepth,
+    relight::{
+        Lamp, Preparation, Prepared, RelightOptions,
+        networks::{
+            Channels, Network, NetworkError, NetworkRecord,
+            compact::{Correction, Sight, UNSHADOWED, corrected},
+        },
+    },
+    scene::{Material, Scene},
+};
+use drivers::{Distortion, Intrinsics, Plane};
+use glam::Vec3;
+
+/// Width and height: no finer grid is asked for, and both are multiples of 16.
+const SIZE: (usize, usize) = (96, 64);
+/// Value of white at a metre.
+const INTENSITY: f32 = 0.8;
+
+/// A post before a wall, and a strip at the left of which nothing is known.
+fn scene() -> Scene {
+    let (width, height) = SIZE;
+    let camera = Intrinsics {
+        width,
+        height,
+        fx: 90.0,
+        fy: 90.0,
+        cx: 47.5,
+        cy: 31.5,
+        distortion: Distortion::None {},
+    };
+    let unknown = |x: usize| x < 5;
+    Scene {
+        camera,
+        depth_metres: Plane::from_fn(width, height, |x, y| match x {
+            _ if unknown(x) => f32::NAN,
+            40..50 if (10..50).contains(&y) => 1.0,
+            _ => 1.5,
+        }),
+        depth_sigma_metres: Plane::filled(width, height, 0.002),
+        thickness_metres: Plane::filled(width, height, 0.1),
+        normal: Plane::filled(width, height, Vec3::NEG_Z),
+        albedo: Plane::from_fn(width, height, |x, _| {
+            if unknown(x) {
+                [f32::NAN; 3]
+            } else {
+                [0.25, 0.36, 0.49]
+            }
+        }),
+        roughness: Plane::filled(width, height, 0.6),
+        confidence: Plane::filled(width, height, 0.9),
+        scale_known: true,
+        flash_lit: true,
+        material: Material::Varying,
+        shine: None,
+    }
+}
+
+/// Says the same of every pixel: each output by name, one number a channel.
+struct Says(Vec<(&'static str, Vec<f32>)>);
+
+impl Network for Says {
+    fn answer(
+        &self,
+        given: &[(&str, &Channels)],
+        wanted: &[&str],
+    ) -> Result<Vec<Channels>, NetworkError> {
+        let size = given[0].1.size;
+        let answer = |name: &&str| {
+            let (_, values) = self.0.iter().find(|(own, _)| own == name).unwrap();
+            let plane = |value: &f32| vec![*value; size.0 * size.1];
+            Channels {
+                size,
+                count: values.len(),
+                samples: values.iter().flat_map(plane).collect(),
+            }
+        };
+        Ok(wanted.iter().map(answer).collect())
+    }
+
+    fn record(&self) -> NetworkRecord {
+        unreachable!("asked by no correction that succeeds")
+    }
+}
+
+fn surfaces(turn: [f32; 3], factor: f32, roughness: f32, step: f32, sigma: f32) -> Says {
+    Says(vec![
+        ("turn", turn.to_vec()),
+        ("factor", vec![factor; 3]),
+        ("roughness", vec![roughness]),
+        ("step", vec![step]),
+        ("sigma", vec![sigma]),
+    ])
+}
+
+fn light(weight: f32, shadow: f32, bounced: [f32; 3]) -> Says {
+    Says(vec![
+        ("weight", vec![weight]),
+        ("shadow", vec![shadow]),
+        ("bounced", bounced.to_vec()),
+    ])
+}
+
+fn sight_of(scene: &Scene, amplitude: Option<Plane<f32>>) -> Channels {
+    let registered = RegisteredDepth {
+        metres: scene.depth_metres.map(|z| z * 1.01),
+        sigma_metres: scene.depth_sigma_metres.clone(),
+        measured: Plane::filled(SIZE.0, SIZE.1, true),
+        amplitude,
+    };
+    let sight = Sight {
+        scene,
+        light: &LinearImage(scene.depth_metres.map(|z| [0.5 * INTENSITY / (z * z); 3])),
+        registered: &registered,
+        intensity: INTENSITY,
+    };
+    sight.given()
+}
+
+#[test]
+fn a_network_of_surfaces_is_fed_the_closed_form_in_units_of_its_own_and_nothing_where_nothing_is_known()
+ {
+    let scene = scene();
+    let given = sight_of(&scene, None);
+    assert_eq!((given.size, given.count), (SIZE, 16));
+    let at = |x: usize, y: usize| -> Vec<f32> {
+        (0..16).map(|c| given.channel(c)[y * SIZE.0 + x]).collect()
+    };
+    assert_eq!(at(2, 20), [0.0; 16]);
+    let seen = at(47, 31);
+    // The normal faces the camera, the albedo is a square, the light is half that of white at the distance.
+    for (found, expected) in
+        seen.iter()
+            .zip([0.0, 0.0, 1.0, 0.5, 0.6, 0.7, 0.5f32.sqrt(), 1.0, 0.6])
+    {
+        assert!((found - expected).abs() < 2e-3, "{seen:?}");
+    }
+    assert!((seen[9] - 2.0 * (1.0f32 / 1.5).ln()).abs() < 1e-5);
+    assert!((seen[10] - 0.3).abs() < 1e-3);
+    assert_eq!(seen[12..], [0.9, 0.0, 0.0, 1.0]);
+    // The amplitude of one white material: its median becomes a half, wherever it stands.
+    let amplitude = scene.depth_metres.map(|z| 7.0 / (z * z));
+    let given = sight_of(&scene, Some(amplitude));
+    let middle = given.channel(13)[31 * SIZE.0 + 47];
+    // A little less: the median stands aside of the middle, and so a little farther away.
+    assert!((middle - 0.45).abs() < 0.02, "{middle}");
+    assert_eq!(given.channel(14)[31 * SIZE.0 + 47], 1.0);
+}
+
+#[test]
+fn surfaces_change_by_what_the_network_says_and_only_where_they_are_known() {
+    let scene = scene();
+    let given = sight_of(&scene, None);
+    let same = corrected(&scene, &given, &surfaces([0.0; 3], 0.0, 0.6, 0.0, 0.01)).unwrap();
+    assert_eq!(same.normal, scene.normal);
+    for (found, before) in same.albedo.samples().iter().zip(scene.albedo.samples()) {
+        assert_eq!(found[0].to_bits(), before[0].to_bits());
+    }
+    let says = surfaces([1.0, 0.0, 0.0], 2.0f32.ln(), 0.3, 0.02, 0.01);
+    let other = corrected(&scene, &given, &says).unwrap();
+    let at = (60, 20);
+    // (0, 0, 1) + (1, 0, 0) for people is 45° to the right, in camera axes too.
+    assert!((other.normal[at] - Vec3::new(1.0, 0.0, -1.0).normalize()).length() < 1e-6);
+    assert!((other.albedo[at][1] - 0.72).abs() < 1e-5);
+    // Twice 0.49 stays below one; eight times would not.
+    let bright = corrected(
+        &scene,
+        &given,
+        &surfaces([0.0; 3], 8.0f32.ln(), 0.6, 0.0, 0.01),
+    );
+    assert_eq!(bright.unwrap().albedo[at], [1.0; 3]);
+    assert!((other.roughness[at] - 0.3).abs() < 1e-6);
+    // Two per cent would be 30 mm; sigma is two millimetres.
+    assert!((other.depth_metres[at] - 1.506).abs() < 1e-5);
+    assert!((other.depth_sigma_metres[at] - 0.01506).abs() < 1e-6);
+    assert!(other.albedo[(2, 20)][0].is_nan() && other.depth_metres[(2, 20)].is_nan());
+    // Nothing is turned away from the camera, whatever is said.
+    let away = corrected(
+        &scene,
+        &given,
+        &surfaces([0.0, 0.0, -3.0], 0.0, 0.6, 0.0, 0.01),
+    );
+    assert_eq!(away.unwrap().normal[at], scene.normal[at]);
+}
+
+#[test]
+fn light_changes_by_what_the_network_says() {
+    let scene = scene();
+    let prepared = Prepared::new(&scene, Preparation::default());
+    let correction = Correction::of(&scene, &prepared);
+    let color = [1.0, 0.5, 2.0];
+    let lamp = Lamp::from_person([0.8, 0.2, 0.5])
+        .unwrap()
+        .with_color(color)
+        .unwrap();
+    let closed = prepared.relight(&lamp, RelightOptions::default());
+    assert!(
+        closed.shadow.samples().iter().any(|seen| *seen < 0.1),
+        "no shadow to correct"
+    );
+    let told = |says: &Says| correction.relight(&prepared, &lamp, says).unwrap();
+    let apart = |a: &LinearImage, b: &LinearImage| -> f32 {
+        let pixels = a.0.samples().iter().zip(b.0.samples());
+        let known = pixels.filter(|(a, _)| a[0].is_finite());
+        known
+            .map(|(a, b)| (0..3).map(|c| (a[c] - b[c]).abs()).fold(0.0, f32::max))
+            .fold(0.0, f32::max)
+    };
+
+    assert!(apart(&told(&light(0.0, 1.0, [0.0; 3])).light, &closed.light) < 1e-5);
+
+    // All is lit: what was in shadow gets the direct light too.
+    let lit = told(&light(1.0, 1.0, [0.0; 3]));
+    let direct = prepared.relight(&lamp, UNSHADOWED);
+    for (index, seen) in lit.shadow.samples().iter().enumerate() {
+        let expected: [f32; 3] = std::array::from_fn(|c| {
+            let missing =
+                (1.0 - closed.shadow.samples()[index]) * direct.light.0.samples()[index][c];
+            closed.light.0.samples()[index][c] + missing
+        });
+        if scene.albedo.samples()[index][0].is_finite() {
+            assert_eq!(*seen, 1.0);
+            assert!((lit.light.0.samples()[index][2] - expected[2]).abs() < 1e-5);
+        } else {
+            assert!(seen.is_nan() && lit.light.0.samples()[index][0].is_nan());
+        }
+    }
+
+    // Bounced light is reflected by the albedo, in the lamp's color.
+    let bounced = told(&light(0.0, 0.0, [0.1, 0.2, 0.3]));
+    let at = (70, 30);
+    for (c, said) in [0.1, 0.2, 0.3].into_iter().enumerate() {
+        let more = bounced.light.0[at][c] - closed.light.0[at][c];
+        let expected = said * scene.albedo[at][c] * color[c];
+        assert!((more - expected).abs() < 1e-5, "{more} {expected}");
+    }
+}
