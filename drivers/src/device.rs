@@ -121,6 +121,15 @@ pub trait Device: Send {
     /// Its geometry.
     fn rig(&self) -> Rig;
 
+    /// Whether it is still there, asked several times a second while nothing streams: it must neither
+    /// wake the device nor take a millisecond, and what a device does between two sessions is no loss.
+    ///
+    /// # Errors
+    /// [`DriverError::Unplugged`] when it is gone.
+    fn presence(&mut self) -> Result<(), DriverError> {
+        Ok(())
+    }
+
     /// Starts streaming. Frames come in the order each camera took them; the two cameras may
     /// interleave in any way.
     ///

@@ -130,6 +130,10 @@ impl Device for Flaky {
         self.inner.rig()
     }
 
+    fn presence(&mut self) -> Result<(), DriverError> {
+        self.inner.presence()
+    }
+
     fn start(&mut self, settings: &Settings) -> Result<Box<dyn Stream + '_>, DriverError> {
         Ok(Box::new(Failing {
             inner: self.inner.start(settings)?,

@@ -217,6 +217,42 @@ pub struct ColorFrame {
     pub white_level: f32,
 }
 
+/// Samples across and down that [`ColorFrame::sampled_light`] takes.
+const SAMPLES: usize = 128;
+
+impl ColorFrame {
+    /// Light of some 16 000 samples spread over the picture, as fractions of white, at most 1: of the
+    /// brightest channel, or of luma. `None` for pictures that would first have to be decoded.
+    pub fn sampled_light(&self) -> Option<Vec<f32>> {
+        let (width, height) = self.pixels.size();
+        let limited = |luma: u8| (f32::from(luma) - 16.0) / 219.0;
+        let value: &dyn Fn(usize, usize) -> f32 = match &self.pixels {
+            Pixels::Bayer { samples, .. } => &|x, y| f32::from(samples[(x, y)]) / 65535.0,
+            Pixels::Yuyv { bytes, .. } => &|x, y| limited(bytes[2 * (y * width + x)]),
+            Pixels::Nv12 { bytes, .. } => &|x, y| limited(bytes[y * width + x]),
+            Pixels::Rgb8(plane) => &|x, y| f32::from(brightest(plane[(x, y)])) / 255.0,
+            Pixels::Rgb16(plane) => &|x, y| f32::from(brightest(plane[(x, y)])) / 65535.0,
+            Pixels::RgbF32(plane) => &|x, y| plane[(x, y)].into_iter().fold(0.0, f32::max),
+            Pixels::Mjpg { .. } => return None,
+        };
+        // An odd step visits all four filters of a Bayer picture.
+        let step = |side: usize| (side / SAMPLES) | 1;
+        let range = self.white_level - self.black_level;
+        let light = (0..height)
+            .step_by(step(height))
+            .flat_map(|y| (0..width).step_by(step(width)).map(move |x| (x, y)))
+            .map(|(x, y)| {
+                let value = ((value(x, y) - self.black_level) / range).min(1.0);
+                self.transfer.light(value)
+            });
+        Some(light.collect())
+    }
+}
+
+fn brightest<T: Ord + Copy>(rgb: [T; 3]) -> T {
+    rgb[0].max(rgb[1]).max(rgb[2])
+}
+
 /// One picture of the Time-of-Flight camera; all planes share one size.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DepthFrame {

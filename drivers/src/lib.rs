@@ -23,10 +23,12 @@ pub mod open;
 pub mod plane;
 pub mod recording;
 pub mod replay;
+pub mod rig_file;
 pub mod synthetic;
 pub mod trigger;
 #[cfg(target_os = "linux")]
 pub mod v4l;
+pub mod witness;
 
 pub use calibration::{Beam, DepthCamera, Distortion, FlashLamp, Intrinsics, Rig, RigidTransform};
 pub use device::{Device, DeviceInfo, DriverError, Losses, Settings, Stream};

@@ -18,9 +18,11 @@ pub use rig::RigFile;
 pub use truth::{Truth, TruthLight, read_truth};
 pub use write::{write, write_on, write_with_truth};
 
-use self::toml::{CaptureToml, Declared};
 use crate::shot::Shot;
-use drivers::{ColorFrame, DepthFrame, Exposure, Illumination, Timestamp};
+use drivers::{
+    ColorFrame, DepthFrame, Exposure, Illumination, Timestamp,
+    rig_file::{Declared, without_offset},
+};
 use std::path::Path;
 
 /// Extensions a photograph may have.
@@ -60,7 +62,7 @@ pub fn read(dir: &Path) -> Result<Capture, FolderError> {
             remedy: "add the file that describes the cameras, or name a capture folder".into(),
         });
     }
-    let declared = toml::parse::<CaptureToml>(&path)?.check(&path)?;
+    let declared = toml::declared(&path)?;
     let color = declared.rig.color.size();
     let depth_size = declared
         .rig
@@ -82,7 +84,7 @@ pub fn read(dir: &Path) -> Result<Capture, FolderError> {
         at: FLASH_AT,
         sequence: 0,
         metres: images::depth(&depth, depth_size, declared.depth_unit_metres)?
-            .map(|metres| declared.true_metres(*metres)),
+            .map(|metres| without_offset(*metres, declared.depth_offset_metres as f32)),
         amplitude: amplitude
             .map(|path| images::amplitude(&path, depth_size))
             .transpose()?,

@@ -1,11 +1,13 @@
 //! `rig.toml`: what is known of a rig, in the words of `capture.toml` and without pictures.
 
 use super::{
-    FolderError,
-    toml::{self, CaptureToml, ColorTable},
+    FolderError, toml,
     write::{depth_table, flash_table},
 };
-use drivers::{Exposure, Rig, Transfer};
+use drivers::{
+    Exposure, Rig, Transfer,
+    rig_file::{ColorTable, DepthTable, RigToml},
+};
 use std::path::Path;
 
 /// A rig that was measured.
@@ -29,7 +31,7 @@ impl RigFile {
     /// # Errors
     /// [`FolderError`] naming the file and the field.
     pub fn read(path: &Path) -> Result<Self, FolderError> {
-        let found = toml::parse::<CaptureToml>(path)?.check(path)?;
+        let found = toml::declared(path)?;
         Ok(Self {
             rig: found.rig,
             depth_offset_metres: found.depth_offset_metres,
@@ -45,7 +47,7 @@ impl RigFile {
     /// [`FolderError::Unwritable`] for a field that TOML cannot hold; `path` is for the message.
     pub fn text(&self, path: &Path) -> Result<String, FolderError> {
         let lens = self.rig.color;
-        let table = CaptureToml {
+        let table = RigToml {
             format: 1,
             color: ColorTable {
                 width: lens.width,
@@ -61,7 +63,7 @@ impl RigFile {
                 flash_exposure: None,
                 ambient_exposure: None,
             },
-            depth: self.rig.depth.map(|camera| toml::DepthTable {
+            depth: self.rig.depth.map(|camera| DepthTable {
                 offset_metres: self.depth_offset_metres,
                 ..depth_table(&camera)
             }),

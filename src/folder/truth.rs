@@ -5,7 +5,7 @@ use super::{
     toml::{self, Fields, LightsToml, Scale},
 };
 use crate::radiometry::LinearImage;
-use drivers::Plane;
+use drivers::{Plane, rig_file};
 use glam::Vec3;
 use std::path::{Path, PathBuf};
 
@@ -128,7 +128,7 @@ impl Truth {
     pub fn has_depth_in_other_steps(&self) -> bool {
         let png = |path: &PathBuf| path.extension().is_some_and(|kind| kind == "png");
         let depths = [&self.depth, &self.registered_depth];
-        depths.into_iter().flatten().any(png) && self.depth_unit_metres != toml::millimetre()
+        depths.into_iter().flatten().any(png) && self.depth_unit_metres != rig_file::millimetre()
     }
 
     fn metres(&self, path: Option<&Path>) -> Result<Option<Plane<f32>>, FolderError> {

@@ -1,9 +1,6 @@
 //! Shot → capture folder, as [`super::read`] reads it.
 
-use super::{
-    FolderError,
-    toml::{CaptureToml, ColorTable, DepthTable, FlashTable},
-};
+use super::FolderError;
 use crate::{
     output::{Disk, EncodeError, Existing, FileSystem, Precision, Staging, exr, png},
     radiometry,
@@ -11,6 +8,7 @@ use crate::{
 };
 use drivers::{
     ColorFrame, DepthCamera, Exposure, FlashLamp, Illumination, Pixels, Plane, Transfer,
+    rig_file::{ColorTable, DepthTable, FlashTable, RigToml, millimetre},
 };
 use std::path::Path;
 
@@ -151,9 +149,9 @@ fn stored(frame: &ColorFrame) -> Result<Encoded, EncodeError> {
     }
 }
 
-fn table(shot: &Shot, ambient: Option<&ColorFrame>, as_is: bool) -> CaptureToml {
+fn table(shot: &Shot, ambient: Option<&ColorFrame>, as_is: bool) -> RigToml {
     let (lens, flash) = (shot.rig.color, &shot.flash);
-    CaptureToml {
+    RigToml {
         format: 1,
         color: ColorTable {
             width: lens.width,
@@ -188,7 +186,7 @@ pub(super) fn depth_table(camera: &DepthCamera) -> DepthTable {
         cx: camera.lens.cx,
         cy: camera.lens.cy,
         distortion: camera.lens.distortion,
-        depth_unit_metres: super::toml::millimetre(),
+        depth_unit_metres: millimetre(),
         rotation: camera.to_color.rotation.transpose().to_cols_array_2d(),
         translation_metres: camera.to_color.translation_metres.to_array(),
         offset_metres: 0.0,

@@ -4,6 +4,7 @@ use super::SessionError;
 use crate::folder::RigFile;
 use drivers::{
     Device, DeviceInfo, DriverError, Frame, Rig, Settings, Stream, admission::depth_size,
+    rig_file::without_offset,
 };
 use std::{path::Path, time::Duration};
 
@@ -55,6 +56,10 @@ impl Device for Calibrated {
         self.rig
     }
 
+    fn presence(&mut self) -> Result<(), DriverError> {
+        self.device.presence()
+    }
+
     fn start(&mut self, settings: &Settings) -> Result<Box<dyn Stream + '_>, DriverError> {
         Ok(Box::new(Corrected {
             stream: self.device.start(settings)?,
@@ -77,17 +82,11 @@ impl Stream for Corrected<'_> {
         let mut frame = self.stream.next_frame(patience)?;
         if let Frame::Depth(depth) = &mut frame {
             for metres in depth.metres.samples_mut() {
-                *metres = without(*metres, self.offset);
+                *metres = without_offset(*metres, self.offset);
             }
         }
         Ok(frame)
     }
-}
-
-/// A distance without its offset; none that would lie behind the camera.
-fn without(metres: f32, offset: f32) -> f32 {
-    let metres = metres - offset;
-    if metres > 0.0 { metres } else { f32::NAN }
 }
 
 #[cfg(test)]

@@ -40,6 +40,8 @@ const BUS: &str = "/sys/bus/usb/devices";
 /// Longest time from starting the bridge to an open device: loading the library, sending firmware, and
 /// two times of leaving the bus and coming back.
 const OPENING: Duration = Duration::from_secs(30);
+/// Longest time for which a device that ends a session, and starts anew, is away from the bus.
+const RETURNING: Duration = Duration::from_secs(5);
 /// Most shared memory taken at its word, bytes.
 const MOST_MEMORY: usize = 1 << 30;
 
@@ -70,6 +72,8 @@ pub struct DepthAi {
     info: DeviceInfo,
     slots: usize,
     slot_bytes: usize,
+    /// Since when it is not on the bus.
+    missed: Option<Instant>,
 }
 
 impl DepthAi {
@@ -158,6 +162,7 @@ impl DepthAi {
             info,
             slots: ready.slots,
             slot_bytes: ready.slot_bytes,
+            missed: None,
         })
     }
 }
@@ -190,6 +195,26 @@ impl Device for DepthAi {
 
     fn rig(&self) -> Rig {
         self.rig
+    }
+
+    fn presence(&mut self) -> Result<(), DriverError> {
+        if self.options.replay.is_some() {
+            return Ok(());
+        }
+        let there = discovery::devices(Path::new(BUS))
+            .iter()
+            .any(|present| present.id.is_empty() || self.info.address.contains(&present.id));
+        let away = match (there, self.missed) {
+            (true, _) => None,
+            (false, since) => Some(since.unwrap_or_else(Instant::now)),
+        };
+        self.missed = away;
+        match away {
+            Some(since) if since.elapsed() > RETURNING => Err(DriverError::Unplugged {
+                device: self.info.address.clone(),
+            }),
+            _ => Ok(()),
+        }
     }
 
     fn start(&mut self, settings: &Settings) -> Result<Box<dyn Stream + '_>, DriverError> {

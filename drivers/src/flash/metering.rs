@@ -1,6 +1,6 @@
 //! Pre-flash metering: one exposure at which neither the flash frame nor the ambient frame clips.
 
-use crate::frame::{ColorFrame, Pixels};
+use crate::frame::ColorFrame;
 
 /// Where the brightest light that counts should come to lie, as a fraction of white.
 const AIM: f32 = 0.75;
@@ -12,33 +12,11 @@ const GLINTS: f32 = 0.005;
 const CUT: f32 = 0.3;
 /// Exposure grows at most by this factor from one look to the next.
 const GROW: f32 = 8.0;
-/// Samples across and down that are looked at.
-const SAMPLES: usize = 128;
 
 /// The brightest light of a picture that counts, as a fraction of white, 1 when it clips; `None` for
 /// pictures that would first have to be decoded.
 pub fn highlight(frame: &ColorFrame) -> Option<f32> {
-    let (width, height) = frame.pixels.size();
-    let value: &dyn Fn(usize, usize) -> f32 = match &frame.pixels {
-        Pixels::Bayer { samples, .. } => &|x, y| f32::from(samples[(x, y)]) / 65535.0,
-        Pixels::Yuyv { bytes, .. } => &|x, y| limited(bytes[2 * (y * width + x)]),
-        Pixels::Nv12 { bytes, .. } => &|x, y| limited(bytes[y * width + x]),
-        Pixels::Rgb8(plane) => &|x, y| f32::from(brightest(plane[(x, y)])) / 255.0,
-        Pixels::Rgb16(plane) => &|x, y| f32::from(brightest(plane[(x, y)])) / 65535.0,
-        Pixels::RgbF32(plane) => &|x, y| plane[(x, y)].into_iter().fold(0.0, f32::max),
-        Pixels::Mjpg { .. } => return None,
-    };
-    // An odd step visits all four filters of a Bayer picture.
-    let step = |side: usize| (side / SAMPLES) | 1;
-    let range = frame.white_level - frame.black_level;
-    let mut light: Vec<f32> = (0..height)
-        .step_by(step(height))
-        .flat_map(|y| (0..width).step_by(step(width)).map(move |x| (x, y)))
-        .map(|(x, y)| {
-            let value = ((value(x, y) - frame.black_level) / range).min(1.0);
-            frame.transfer.light(value)
-        })
-        .collect();
+    let mut light = frame.sampled_light()?;
     if light.is_empty() {
         return None;
     }
@@ -75,19 +53,11 @@ pub fn next_seconds(
     ((wanted / seconds - 1.0).abs() > 0.01).then_some(wanted)
 }
 
-fn limited(luma: u8) -> f32 {
-    (f32::from(luma) - 16.0) / 219.0
-}
-
-fn brightest<T: Ord + Copy>(rgb: [T; 3]) -> T {
-    rgb[0].max(rgb[1]).max(rgb[2])
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::{
-        frame::{Exposure, Illumination, Timestamp, Transfer},
+        frame::{Exposure, Illumination, Pixels, Timestamp, Transfer},
         plane::Plane,
     };
     use proptest::prelude::*;

@@ -7,7 +7,8 @@ use std::path::PathBuf;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
-    /// Nothing is driven: frames are all ambient.
+    /// Nothing is driven: a person or a studio flashes, and brightness alone tells which frames were
+    /// lit. Pictures that the camera compresses are all taken for ambient.
     #[default]
     None,
     /// A V4L2 flash subdevice, `/dev/v4l-subdevN`.
@@ -56,7 +57,8 @@ pub struct Plan {
     pub line: u32,
     /// The line is low when the lamp is lit.
     pub active_low: bool,
-    /// Longest time it may be lit at once, seconds in (0, 10].
+    /// Longest time it may be lit at once, seconds in (0, 10]; light that stays longer than this is
+    /// the room's where nothing is driven.
     pub longest_seconds: f64,
     /// Largest part of any `window_seconds` that it may be lit, in (0, 1].
     pub duty: f64,

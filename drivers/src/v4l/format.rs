@@ -183,7 +183,8 @@ impl Format {
 }
 
 impl Packing {
-    fn row_bytes(self, width: usize) -> Option<usize> {
+    /// Bytes of a row; `None` for a width it cannot have.
+    pub fn row_bytes(self, width: usize) -> Option<usize> {
         match self {
             Self::Bytes => Some(width),
             Self::Words { .. } => Some(2 * width),

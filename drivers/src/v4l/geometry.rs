@@ -1,86 +1,19 @@
-//! The geometry in a rig file, whose other keys belong to photographs.
+//! The rig of a camera file, for the sizes that were granted.
 
 use crate::{
     admission,
     calibration::{Beam, DepthCamera, Distortion, FlashLamp, Intrinsics, Rig, RigidTransform},
+    rig_file::{Declared, RigToml},
 };
-use glam::{DMat3, DVec3};
-use serde::Deserialize;
-
-/// The keys of `config/rig.example.toml` that say where things are.
-#[derive(Deserialize)]
-struct File {
-    format: u32,
-    color: Lens,
-    depth: Option<Lens>,
-    #[serde(default)]
-    flash: Flash,
-}
-
-#[derive(Deserialize)]
-struct Lens {
-    width: usize,
-    height: usize,
-    fx: f64,
-    fy: f64,
-    cx: f64,
-    cy: f64,
-    distortion: Option<Distortion>,
-    rotation: Option<[[f64; 3]; 3]>,
-    #[serde(default)]
-    translation_metres: [f64; 3],
-}
-
-#[derive(Default, Deserialize)]
-struct Flash {
-    #[serde(default)]
-    position_metres: [f64; 3],
-    intensity: Option<f32>,
-    #[serde(default)]
-    beam: Beam,
-}
-
-impl Lens {
-    fn intrinsics(&self) -> Intrinsics {
-        Intrinsics {
-            width: self.width,
-            height: self.height,
-            fx: self.fx,
-            fy: self.fy,
-            cx: self.cx,
-            cy: self.cy,
-            distortion: self.distortion.unwrap_or(Distortion::None {}),
-        }
-    }
-}
+use glam::DVec3;
 
 /// Reads a rig file.
-pub(super) fn parse(text: &str) -> Result<Rig, String> {
-    let file: File =
+pub(super) fn parse(text: &str) -> Result<Declared, String> {
+    let file: RigToml =
         toml::from_str(text).map_err(|error| error.to_string().trim_end().to_owned())?;
-    if file.format != 1 {
-        return Err(format!("format is {}; this program reads 1", file.format));
-    }
-    let rig = Rig {
-        color: file.color.intrinsics(),
-        depth: file.depth.map(|depth| DepthCamera {
-            lens: depth.intrinsics(),
-            to_color: RigidTransform {
-                // Written row by row.
-                rotation: depth.rotation.map_or(DMat3::IDENTITY, |rows| {
-                    DMat3::from_cols_array_2d(&rows).transpose()
-                }),
-                translation_metres: DVec3::from_array(depth.translation_metres),
-            },
-        }),
-        flash: FlashLamp {
-            position_metres: DVec3::from_array(file.flash.position_metres),
-            intensity: file.flash.intensity,
-            beam: file.flash.beam,
-        },
-    };
-    admission::admit_rig(&rig).map_err(|refusal| refusal.to_string())?;
-    Ok(rig)
+    let declared = file.check().map_err(|wrong| wrong.to_string())?;
+    admission::admit_rig(&declared.rig).map_err(|refusal| refusal.to_string())?;
+    Ok(declared)
 }
 
 /// The rig of cameras that deliver pictures of these sizes.
@@ -155,7 +88,7 @@ mod tests {
 
     #[test]
     fn the_shipped_rig_is_read_and_scaled_to_what_was_granted() {
-        let known = parse(SHIPPED).unwrap();
+        let known = parse(SHIPPED).unwrap().rig;
         assert_eq!(known.color.size(), (640, 480));
         let rig = rig(Some(&known), (320, 240), Some((320, 240))).unwrap();
         assert_eq!(rig.color.fx, known.color.fx / 2.0);
@@ -165,7 +98,7 @@ mod tests {
 
     #[test]
     fn a_rig_of_another_shape_is_refused() {
-        let known = parse(SHIPPED).unwrap();
+        let known = parse(SHIPPED).unwrap().rig;
         let refused = rig(Some(&known), (640, 360), None).unwrap_err();
         assert!(refused.contains("640×360"), "{refused}");
         assert!(parse(&SHIPPED.replace("format = 1", "format = 9")).is_err());

@@ -1,4 +1,4 @@
-//! V4L2 cameras: a color node, a depth node and a flash as one device.
+//! V4L2 cameras: a color node, a depth node, perhaps one of its amplitude, and a flash as one device.
 //!
 //! A camera file (`config/cameras/*.toml`, or the short form in the address) says which nodes
 //! belong together. Nothing stays open between sessions: every start opens, negotiates, maps and
@@ -12,6 +12,8 @@ mod exposure;
 mod flow;
 mod format;
 mod geometry;
+mod packed;
+mod pairs;
 mod plan;
 mod stream;
 mod unpack;
@@ -23,6 +25,7 @@ use crate::{
     device::{Device, DeviceInfo, DriverError, Settings, Stream},
 };
 use camera::Camera;
+use std::path::PathBuf;
 
 /// A camera made of V4L2 nodes.
 #[derive(Debug)]
@@ -30,6 +33,8 @@ pub struct V4l {
     plan: Plan,
     info: DeviceInfo,
     rig: Rig,
+    /// The nodes as they were found.
+    nodes: Vec<PathBuf>,
 }
 
 impl V4l {
@@ -41,23 +46,20 @@ impl V4l {
     /// those it does; [`DriverError::Malformed`] for one that cannot be what it claims.
     pub fn open(address: &str) -> Result<Self, DriverError> {
         let plan = Plan::parse(address)?;
-        let color = Camera::open(&plan.color, false)?;
-        let depth = plan
-            .depth
-            .as_ref()
-            .map(|plan| Camera::open(plan, true))
-            .transpose()?;
-        let rig = rig_of(&plan, &color, depth.as_ref())?;
+        let cameras = Cameras::open(&plan)?;
+        let rig = cameras.rig(&plan)?;
         let model = plan.model.clone().unwrap_or_else(|| {
-            let cards = [Some(&color), depth.as_ref()].into_iter().flatten();
-            let mut cards: Vec<&str> = cards.map(|c| c.capabilities.card.as_str()).collect();
+            let cards = cameras.all().map(|c| c.capabilities.card.as_str());
+            let mut cards: Vec<&str> = cards.collect();
             cards.dedup();
             cards.join(" and ")
         });
+        let nodes = cameras.all().map(|camera| camera.node.path().to_owned());
         Ok(Self {
+            nodes: nodes.collect(),
             info: DeviceInfo {
                 address: format!("v4l:{address}"),
-                driver: format!("v4l ({})", color.capabilities.driver),
+                driver: format!("v4l ({})", cameras.color.capabilities.driver),
                 model,
                 finite: false,
             },
@@ -67,17 +69,57 @@ impl V4l {
     }
 }
 
-fn rig_of(plan: &Plan, color: &Camera, depth: Option<&Camera>) -> Result<Rig, DriverError> {
-    geometry::rig(
-        plan.geometry.as_ref(),
-        color.size(),
-        depth.map(Camera::size),
-    )
-    .map_err(|reason| DriverError::Setting {
-        device: color.node.path().display().to_string(),
-        setting: "rig",
-        reason,
-    })
+/// The nodes of a plan, negotiated, before they stream.
+struct Cameras {
+    color: Camera,
+    depth: Option<Camera>,
+    amplitude: Option<Camera>,
+}
+
+impl Cameras {
+    fn open(plan: &Plan) -> Result<Self, DriverError> {
+        let single = |plan: &Option<CameraPlan>| {
+            let camera = plan.as_ref().map(|plan| Camera::open(plan, true));
+            camera.transpose()
+        };
+        let cameras = Self {
+            color: Camera::open(&plan.color, false)?,
+            depth: single(&plan.depth)?,
+            amplitude: single(&plan.amplitude)?,
+        };
+        if let (Some(depth), Some(amplitude)) = (&cameras.depth, &cameras.amplitude)
+            && depth.size() != amplitude.size()
+        {
+            let ((dw, dh), (aw, ah)) = (depth.size(), amplitude.size());
+            return Err(DriverError::Setting {
+                device: amplitude.node.path().display().to_string(),
+                setting: "amplitude",
+                reason: format!(
+                    "it delivers {aw}×{ah}, and depth is {dw}×{dh}; ask for the same size of both"
+                ),
+            });
+        }
+        Ok(cameras)
+    }
+
+    fn all(&self) -> impl Iterator<Item = &Camera> {
+        std::iter::once(&self.color)
+            .chain(&self.depth)
+            .chain(&self.amplitude)
+    }
+
+    fn rig(&self, plan: &Plan) -> Result<Rig, DriverError> {
+        geometry::rig(
+            plan.geometry.as_ref().map(|known| &known.rig),
+            self.color.size(),
+            self.depth.as_ref().map(Camera::size),
+        )
+        .map_err(|reason| DriverError::Setting {
+            device: self.color.node.path().display().to_string(),
+            setting: "rig",
+            reason,
+        })
+    }
 }
 
 impl Device for V4l {
@@ -89,16 +131,20 @@ impl Device for V4l {
         self.rig
     }
 
+    fn presence(&mut self) -> Result<(), DriverError> {
+        // The kernel takes a node away with its device. Opening one could wake a camera up.
+        match self.nodes.iter().find(|node| !node.exists()) {
+            None => Ok(()),
+            Some(gone) => Err(DriverError::Unplugged {
+                device: gone.display().to_string(),
+            }),
+        }
+    }
+
     fn start(&mut self, settings: &Settings) -> Result<Box<dyn Stream + '_>, DriverError> {
         exposure::check(settings, &self.info.address)?;
-        let color = Camera::open(&self.plan.color, false)?;
-        let depth = self
-            .plan
-            .depth
-            .as_ref()
-            .map(|plan| Camera::open(plan, true))
-            .transpose()?;
-        if rig_of(&self.plan, &color, depth.as_ref())? != self.rig {
+        let cameras = Cameras::open(&self.plan)?;
+        if cameras.rig(&self.plan)? != self.rig {
             return Err(DriverError::Setting {
                 device: self.info.address.clone(),
                 setting: "width",
@@ -106,8 +152,7 @@ impl Device for V4l {
                     .into(),
             });
         }
-        let stream =
-            stream::Running::start(&self.plan, &self.info.address, settings, color, depth)?;
+        let stream = stream::Running::start(&self.plan, &self.info.address, settings, cameras)?;
         Ok(Box::new(stream))
     }
 }

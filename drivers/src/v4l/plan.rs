@@ -1,7 +1,7 @@
 //! The camera file: which nodes make up a camera, and what is known of each.
 
 use super::geometry;
-use crate::{calibration::Rig, device::DriverError, flash, frame::Transfer};
+use crate::{device::DriverError, flash, frame::Transfer, rig_file::Declared};
 use serde::{Deserialize, Serialize};
 use std::{
     collections::BTreeMap,
@@ -24,7 +24,7 @@ pub enum Stamp {
     End,
 }
 
-/// `[color]` or `[depth]`: one node.
+/// `[color]`, `[depth]` or `[amplitude]`: one node.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CameraPlan {
@@ -101,13 +101,17 @@ impl Default for CameraPlan {
 pub struct Plan {
     /// The model, for people.
     pub model: Option<String>,
-    /// A rig file with the geometry, relative to this file. Without it both cameras count as pinholes of 60°
-    /// at one place.
+    /// A rig file, as `capturectl calibrate rig` writes it, relative to this file: its geometry, and
+    /// the offset that every distance loses. Without it both cameras count as pinholes of 60° at one
+    /// place.
     pub rig: Option<PathBuf>,
     /// The color camera.
     pub color: CameraPlan,
     /// The depth camera; a camera without one takes no shots.
     pub depth: Option<CameraPlan>,
+    /// The node on which the depth camera delivers its amplitude (infrared), of the same size; for
+    /// cameras that have one.
+    pub amplitude: Option<CameraPlan>,
     /// The flash.
     pub flash: flash::Plan,
     /// When no exposure was asked for, look at flash and ambient frames first and choose one at
@@ -118,7 +122,7 @@ pub struct Plan {
     pub flicker_seconds: Option<f32>,
     /// What `rig` holds.
     #[serde(skip)]
-    pub(super) geometry: Option<Rig>,
+    pub(super) geometry: Option<Declared>,
 }
 
 impl Plan {
@@ -166,13 +170,20 @@ impl Plan {
     }
 
     fn check(&self) -> Result<(), String> {
-        let cameras = [("color", Some(&self.color)), ("depth", self.depth.as_ref())];
+        let cameras = [
+            ("color", Some(&self.color)),
+            ("depth", self.depth.as_ref()),
+            ("amplitude", self.amplitude.as_ref()),
+        ];
         for (table, camera) in cameras {
             if let Some(camera) = camera {
                 camera
                     .check()
                     .map_err(|problem| format!("{table}.{problem}"))?;
             }
+        }
+        if self.amplitude.is_some() && self.depth.is_none() {
+            return Err("amplitude stands without depth; give depth.node too".into());
         }
         if let Some(seconds) = self.flicker_seconds
             && !(0.001..=1.0).contains(&seconds)
@@ -387,6 +398,7 @@ mod tests {
                 "unit_metres",
             ),
             Case("/dev/video0?depth.unit_metres=1", "depth.node"),
+            Case("/dev/video0?amplitude.node=/dev/video1", "depth.node"),
             Case("/dev/video0?color.node.deeper=1", "no table"),
             Case("/dev/video0?color", "no key=value"),
             Case("/dev/video0?flash.kind=sun", "sun"),

@@ -1,17 +1,20 @@
 //! A running session: both cameras and the lamp, in the caller's thread.
 
 use super::{
+    Cameras,
     bracket::Bracket,
-    camera::Camera,
-    exposure::Locked,
+    exposure::{Locked, set_controls},
     flow::{Flow, Taken},
-    plan::Plan,
+    pairs::Pairs,
+    plan::{CameraPlan, Plan},
+    unpack::Scale,
 };
 use crate::{
     device::{DriverError, Losses, Settings, Stream},
     flash,
     frame::{ColorFrame, DepthFrame, Frame, Illumination, Timestamp, Transfer},
-    node::{Node, Ready, refused, wait},
+    node::{Node, refused, wait},
+    witness::Witness,
 };
 use std::{collections::VecDeque, time::Duration};
 
@@ -35,10 +38,16 @@ pub(super) struct Running<'a> {
     device: String,
     color: Flow,
     depth: Option<Flow>,
+    amplitude: Option<Flow>,
+    pairs: Pairs,
     locked: Locked,
     bracket: Bracket,
+    /// Tells the light where nobody commands a flash that is wanted.
+    witness: Option<Witness>,
     transfer: Transfer,
     levels: (f32, f32),
+    /// What the depth camera says too much, as its rig file tells.
+    offset_metres: f32,
     /// Frame time of the color camera before it has been measured.
     told: f64,
     unlit: u64,
@@ -53,13 +62,19 @@ impl<'a> Running<'a> {
         plan: &'a Plan,
         device: &str,
         settings: &Settings,
-        color: Camera,
-        depth: Option<Camera>,
+        cameras: Cameras,
     ) -> Result<Self, DriverError> {
+        let Cameras {
+            color,
+            depth,
+            amplitude,
+        } = cameras;
         let told = color.frame_seconds.unwrap_or(UNTOLD_SECONDS);
-        super::exposure::set_controls(&color.node, &plan.color)?;
-        if let (Some(camera), Some(plan)) = (&depth, &plan.depth) {
-            super::exposure::set_controls(&camera.node, plan)?;
+        set_controls(&color.node, &plan.color)?;
+        for (camera, plan) in [(&depth, &plan.depth), (&amplitude, &plan.amplitude)] {
+            if let (Some(camera), Some(plan)) = (camera, plan) {
+                set_controls(&camera.node, plan)?;
+            }
         }
         let locked = Locked::lock(&color.node, &plan.color, settings, told)?;
         let lamp = flash::open(&plan.flash, color.node.path())?;
@@ -77,22 +92,35 @@ impl<'a> Running<'a> {
         } else {
             (plan.color.black_level, plan.color.white_level)
         };
+        let watched = plan.flash.kind == flash::Kind::None && settings.flash_every > 0;
+        let longest = Duration::from_secs_f64(plan.flash.longest_seconds);
+        let witness = watched.then(|| Witness::new(longest));
         let bracket = Bracket::new(lamp, settings.flash_every, device.to_owned());
         let color = Flow::start(color, &plan.color)?;
-        let depth = match (depth, &plan.depth) {
-            (Some(camera), Some(plan)) => Some(Flow::start(camera, plan)?),
-            _ => None,
+        let begin = |camera: Option<_>, plan: &Option<CameraPlan>| {
+            let both = camera.zip(plan.as_ref());
+            both.map(|(camera, plan)| Flow::start(camera, plan))
+                .transpose()
         };
+        let depth = begin(depth, &plan.depth)?;
+        let amplitude = begin(amplitude, &plan.amplitude)?;
         let mut running = Self {
             plan,
             settings: settings.clone(),
             device: device.to_owned(),
             color,
             depth,
+            amplitude,
+            pairs: Pairs::default(),
             locked,
             bracket,
+            witness,
             transfer,
             levels,
+            offset_metres: plan
+                .geometry
+                .as_ref()
+                .map_or(0.0, |known| known.depth_offset_metres as f32),
             told,
             unlit: 0,
             settled: Timestamp::from_nanos(0),
@@ -172,27 +200,35 @@ impl<'a> Running<'a> {
         Duration::from_secs_f64(seconds.clamp(1e-4, 10.0))
     }
 
-    /// Waits for either camera until `until`, then takes what has arrived.
+    /// Color, then depth, then amplitude, as far as they are there.
+    fn flows(&self) -> impl Iterator<Item = &Flow> {
+        std::iter::once(&self.color)
+            .chain(&self.depth)
+            .chain(&self.amplitude)
+    }
+
+    /// Waits for any camera until `until`, then takes what has arrived.
     fn pump(&mut self, until: Timestamp) -> Result<(), DriverError> {
-        let depth = self.depth.as_ref().map(|depth| depth.buffers.node());
-        let nodes: Vec<&Node> = std::iter::once(self.color.buffers.node())
-            .chain(depth)
-            .collect();
+        let nodes: Vec<&Node> = self.flows().map(|flow| flow.buffers.node()).collect();
         let ready = wait(&nodes, until.since(Timestamp::now()))
             .map_err(|error| refused(nodes[0].path(), "waiting for a picture", error))?;
         if ready[0].event && self.color.events()? {
             self.relock()?;
         }
-        if ready[0].picture {
+        for (flow, ready) in self.flows().zip(&ready).skip(1) {
+            if ready.event {
+                flow.events()?;
+            }
+        }
+        let has_picture = |index: usize| ready.get(index).is_some_and(|ready| ready.picture);
+        if has_picture(0) {
             self.take_color()?;
         }
-        if let Some(Ready { picture, event }) = ready.get(1) {
-            if *event && let Some(depth) = &self.depth {
-                depth.events()?;
-            }
-            if *picture {
-                self.take_depth()?;
-            }
+        if has_picture(1) {
+            self.take_depth()?;
+        }
+        if has_picture(2) {
+            self.take_amplitude()?;
         }
         self.look_for_stalls()
     }
@@ -223,7 +259,7 @@ impl<'a> Running<'a> {
             Ok(Some((light, unpacker.picture(planes)?)))
         })?;
         if let Taken::Picture(at, sequence, (light, pixels)) = taken {
-            self.ready.push_back(Frame::Color(ColorFrame {
+            let frame = ColorFrame {
                 at,
                 sequence,
                 light,
@@ -232,7 +268,14 @@ impl<'a> Running<'a> {
                 transfer: self.transfer.clone(),
                 black_level: self.levels.0,
                 white_level: self.levels.1,
-            }));
+            };
+            match &mut self.witness {
+                None => self.ready.push_back(Frame::Color(frame)),
+                Some(witness) => {
+                    let told = witness.tell(frame);
+                    self.ready.extend(told.into_iter().map(Frame::Color));
+                }
+            }
             self.bracket.delivered(light)?;
         }
         Ok(())
@@ -243,40 +286,71 @@ impl<'a> Running<'a> {
             return Ok(());
         };
         // A depth camera's own exposure is not told; its pictures count as taken at their time.
-        let range = (plan.nearest_metres, plan.farthest_metres);
+        let scale = Scale {
+            unit_metres: plan.unit_metres as f32,
+            offset_metres: self.offset_metres,
+            nearest_metres: plan.nearest_metres as f32,
+            farthest_metres: plan.farthest_metres as f32,
+        };
         let taken = depth.take(Duration::ZERO, |unpacker, _, planes| {
-            unpacker.depth(planes, plan.unit_metres, range).map(Some)
+            unpacker.depth(planes, &scale).map(Some)
         })?;
         if let Taken::Picture(at, sequence, metres) = taken {
-            self.ready.push_back(Frame::Depth(DepthFrame {
+            let frame = DepthFrame {
                 at,
                 sequence,
                 metres,
                 amplitude: None,
                 sigma: None,
-            }));
+            };
+            if self.amplitude.is_some() {
+                self.pairs.add_depth(frame);
+                self.pair();
+            } else {
+                self.ready.push_back(Frame::Depth(frame));
+            }
         }
         Ok(())
     }
 
-    /// A stall gives no error: one camera just stays silent while the other one goes on.
-    fn look_for_stalls(&self) -> Result<(), DriverError> {
-        let Some(depth) = &self.depth else {
+    fn take_amplitude(&mut self) -> Result<(), DriverError> {
+        let Some(amplitude) = &mut self.amplitude else {
             return Ok(());
         };
-        for (silent, other) in [(&self.color, depth), (depth, &self.color)] {
-            let patience = STALL.max(8 * self.period());
-            if other.heard.since(silent.heard) > patience {
-                return Err(DriverError::Hardware {
-                    device: silent.buffers.node().path().display().to_string(),
-                    problem: format!(
-                        "it delivers nothing for {patience:?}, while the other camera does"
-                    ),
-                    remedy: "start again; if it comes back, check its cable and its bandwidth",
-                });
-            }
+        let taken = amplitude.take(Duration::ZERO, |unpacker, _, planes| {
+            unpacker.amplitude(planes).map(Some)
+        })?;
+        if let Taken::Picture(at, _, amplitude) = taken {
+            self.pairs.add_amplitude(at, amplitude);
+            self.pair();
         }
         Ok(())
+    }
+
+    /// Delivers the depth pictures that have their amplitude, or will never have it.
+    fn pair(&mut self) {
+        let depth = self.depth.as_ref().and_then(|depth| depth.clock.period());
+        let apart = Duration::from_secs_f64(depth.unwrap_or(self.told).clamp(1e-4, 10.0) / 2.0);
+        while let Some(frame) = self.pairs.next(apart) {
+            self.ready.push_back(Frame::Depth(frame));
+        }
+    }
+
+    /// A stall gives no error: one camera just stays silent while the other one goes on.
+    fn look_for_stalls(&self) -> Result<(), DriverError> {
+        let latest = self.flows().map(|flow| flow.heard).max();
+        let patience = STALL.max(8 * self.period());
+        let silent = self
+            .flows()
+            .find(|flow| latest.is_some_and(|latest| latest.since(flow.heard) > patience));
+        match silent {
+            None => Ok(()),
+            Some(silent) => Err(DriverError::Hardware {
+                device: silent.buffers.node().path().display().to_string(),
+                problem: format!("it delivers nothing for {patience:?}, while another camera does"),
+                remedy: "start again; if it comes back, check its cable and its bandwidth",
+            }),
+        }
     }
 
     fn next(&mut self, patience: Duration) -> Result<Frame, DriverError> {
@@ -322,11 +396,11 @@ impl Stream for Running<'_> {
     }
 
     fn losses(&self) -> Losses {
-        let flows = || std::iter::once(&self.color).chain(&self.depth);
+        let flows = || self.flows();
         Losses {
             missed: flows().map(|flow| flow.clock.missed).sum(),
             broken: flows().map(|flow| flow.broken).sum(),
-            unlit: self.unlit,
+            unlit: self.unlit + self.witness.as_ref().map_or(0, |witness| witness.unlit),
             misdated: flows().map(|flow| flow.clock.misdated).sum(),
         }
     }

@@ -5,13 +5,22 @@ use crate::machine::{
     write,
 };
 use drivers::{DriverError, Frame, Settings, contract, contract::Verdict, open};
-use std::time::Duration;
+use std::{
+    sync::atomic::{AtomicBool, Ordering},
+    time::Duration,
+};
 
 const COLOR: &str = "/dev/video0";
 const DEPTH: &str = "/dev/video1";
+/// Its buffers are multi-planar.
+const PLANES: &str = "/dev/video2";
+
+/// `V4L2_CID_BRIGHTNESS`.
+const BRIGHTNESS: u32 = 0x0098_0900;
 
 /// Ids of the driver's own controls (`drivers/media/test-drivers/vivid/vivid-ctrls.c`).
 const VIVID: u32 = 0x00f0_f000;
+const TEST_PATTERN: u32 = VIVID;
 const TIMESTAMP_SOURCE: u32 = VIVID + 24;
 const COLORSPACE: u32 = VIVID + 25;
 /// As the driver starts.
@@ -63,6 +72,119 @@ fn every_format_upholds_the_contract() {
             report.claims.len() - open.len()
         );
     }
+}
+
+#[test]
+#[ignore = "needs the kernel of tests/guest/run"]
+fn a_multi_planar_node_upholds_the_contract_with_one_plane_and_with_two() {
+    for format in ["NM12", "NV12", "YUYV", "BGR3", "RG10"] {
+        let address = address(format, "Y16").replace("vivid-000", "vivid-002");
+        let mut device = open(&address).unwrap();
+        let report = contract::check(device.as_mut(), 24, &mut |_| {});
+        let failed = report.claims.iter();
+        let failed: Vec<_> = failed
+            .filter(|claim| claim.verdict == Verdict::Fail)
+            .collect();
+        assert!(report.passed(), "{format}: {failed:?}");
+        let lights = report.claim("both_lights_appear").unwrap();
+        assert_eq!(lights.verdict, Verdict::Pass, "{format}: {lights:?}");
+        eprintln!("{format} of a multi-planar node: the contract holds");
+    }
+}
+
+#[test]
+#[ignore = "needs the kernel of tests/guest/run"]
+fn depth_has_the_amplitude_of_its_own_exposure_and_goes_on_without() {
+    // Slow enough for the guest to draw three pictures at a time.
+    let both = address("YUYV", "Y16").replace("per_second=25", "per_second=10");
+    let mut shares = Vec::new();
+    // Its test patterns "100% Black" and "100% White".
+    for (format, pattern) in [("Y16", 5), ("GREY", 6)] {
+        let address = format!(
+            "{both}&amplitude.node={PLANES}&amplitude.format={format}&amplitude.width=320&\
+             amplitude.height=180&amplitude.frames_per_second=10&\
+             amplitude.controls.test_pattern={pattern}&amplitude.controls.osd_text_mode=2"
+        );
+        let mut device = open(&address).unwrap();
+        let mut stream = device.start(&Settings::default()).unwrap();
+        let mut depth = |count: usize| {
+            let mut found = Vec::new();
+            while found.len() < count {
+                if let Frame::Depth(frame) = stream.next_frame(PATIENCE).unwrap() {
+                    found.push(frame);
+                }
+            }
+            found
+        };
+        let whole = depth(20);
+        let with = whole.iter().filter_map(|frame| frame.amplitude.as_ref());
+        let means: Vec<f32> = with
+            .map(|plane| plane.samples().iter().sum::<f32>() / plane.len() as f32)
+            .collect();
+        let white = if format == "Y16" { 65535.0 } else { 255.0 };
+        eprintln!(
+            "{} of 20 depth frames with amplitude from {format}, of {:.2} of white",
+            means.len(),
+            means[0] / white
+        );
+        assert!(means.len() >= 18);
+        shares.push(means[means.len() / 2] / white);
+        // A node that delivers nothing any more: depth goes on, until that is told as a stall.
+        set_control(PLANES, DROPPED_PERCENT, 100);
+        let after = depth(12);
+        set_control(PLANES, DROPPED_PERCENT, 0);
+        assert!(after[6..].iter().all(|frame| frame.amplitude.is_none()));
+    }
+    set_control(PLANES, TEST_PATTERN, 0);
+    assert!(shares[0] < 0.2 && shares[1] > 0.8, "{shares:?}");
+    let refused = format!(
+        "{}&amplitude.node={PLANES}&amplitude.width=640&amplitude.height=360",
+        address("YUYV", "Y16")
+    );
+    let error = open(&refused).err().expect("two sizes").to_string();
+    assert!(
+        error.contains("640×360") && error.contains("320×180"),
+        "{error}"
+    );
+}
+
+#[test]
+#[ignore = "needs the kernel of tests/guest/run"]
+fn a_flash_that_nobody_commands_is_told_by_brightness_alone() {
+    let address = address("YUYV", "Y16").replace(FLASH, "flash.kind=none");
+    set_control(COLOR, BRIGHTNESS, 100);
+    let over = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        // A person with a flash, who looks at no clock.
+        scope.spawn(|| {
+            for pause in (0..).map(|n| 150 + n * 37 % 100) {
+                std::thread::sleep(Duration::from_millis(pause));
+                if over.load(Ordering::Relaxed) {
+                    break;
+                }
+                set_control(COLOR, BRIGHTNESS, 200);
+                std::thread::sleep(Duration::from_millis(60));
+                set_control(COLOR, BRIGHTNESS, 100);
+            }
+        });
+        let mut device = open(&address).unwrap();
+        let mut stream = device.start(&Settings::default()).unwrap();
+        let frames = color_frames(stream.as_mut(), if is_long() { 600 } else { 120 });
+        over.store(true, Ordering::Relaxed);
+        let (flash, ambient) = lumas(&frames);
+        let darkest = flash.iter().copied().fold(f64::INFINITY, f64::min);
+        let brightest = ambient.iter().copied().fold(0.0, f64::max);
+        eprintln!(
+            "{} flash frames of luma {darkest:.0} and more, {} ambient ones of {brightest:.0} and \
+             less, {:?}",
+            flash.len(),
+            ambient.len(),
+            stream.losses()
+        );
+        // One or two of the frames of each flash, every 260 ms or so.
+        assert!(flash.len() >= frames.len() / 10);
+        assert!(darkest > brightest + 50.0);
+    });
 }
 
 #[test]
@@ -210,7 +332,7 @@ fn what_cannot_be_opened_says_why() {
         .into_iter()
         .filter(|info| info.driver.contains("vivid"))
         .collect();
-    assert_eq!(listed.len(), 2, "{listed:?}");
+    assert_eq!(listed.len(), 3, "{listed:?}");
     // A node that streams for somebody else is busy.
     let mut first = open("v4l:/dev/video0").unwrap();
     let stream = first.start(&Settings::default()).unwrap();
