@@ -18,10 +18,11 @@ use std::{
 };
 use tokio::sync::{oneshot, watch};
 
-/// Longest wait without a sign of life.
+/// Longest wait without a sign of life, and without a look whether an idle device is still there.
 const BREATH: Duration = Duration::from_millis(250);
-/// First and longest wait before a lost device is opened again.
-const RETRY: [Duration; 2] = [Duration::from_millis(100), Duration::from_secs(2)];
+/// First and longest wait before a lost device is opened again: frames are to come within two seconds of
+/// its return.
+const RETRY: [Duration; 2] = [Duration::from_millis(100), Duration::from_secs(1)];
 /// Least time between two previews: 25 a second are enough for anybody.
 const PREVIEW_PERIOD: Duration = Duration::from_millis(40);
 
@@ -121,13 +122,11 @@ impl Worker {
                 Err(RecvTimeoutError::Timeout) => None,
                 Err(RecvTimeoutError::Disconnected) => return None,
             };
-            if job.is_none() && !self.previews.wanted() {
-                continue;
-            }
             // A driver that panics fails its own shot and nothing else.
             let done = catch_unwind(AssertUnwindSafe(|| match job {
                 Some(job) => self.shoot(device.as_mut(), job),
-                None => self.preview(device.as_mut()),
+                None if self.previews.wanted() => self.preview(device.as_mut()),
+                None => device.presence().err().map(|gone| gone.to_string()),
             }));
             match done {
                 Ok(None) => {}
@@ -255,13 +254,15 @@ impl Worker {
     }
 }
 
-/// Whether a device must be opened again after this.
+/// Whether a device must be opened again after this: it is gone, silent, or does not do what it should.
 fn is_loss(error: &DriverError) -> bool {
-    matches!(
-        error,
+    match error {
         DriverError::Unplugged { .. }
-            | DriverError::Io { .. }
-            | DriverError::Timeout { .. }
-            | DriverError::NoDevice { .. }
-    )
+        | DriverError::Io { .. }
+        | DriverError::Timeout { .. }
+        | DriverError::NoDevice { .. }
+        | DriverError::Hardware { .. }
+        | DriverError::Malformed { .. } => true,
+        DriverError::Ended { .. } | DriverError::Setting { .. } => false,
+    }
 }
