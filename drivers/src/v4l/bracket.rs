@@ -21,6 +21,8 @@ pub(super) struct Bracket {
     planned: Option<Timestamp>,
     /// Flashes in a row without a frame that was lit throughout.
     vain: u32,
+    /// Flashes that were due while nobody asked.
+    missed: u32,
     device: String,
 }
 
@@ -28,6 +30,9 @@ pub(super) struct Bracket {
 const LEAD: Duration = Duration::from_millis(3);
 /// Flashes in a row without a lit frame after which something is wrong.
 const MOST_VAIN: u32 = 8;
+/// Flashes that were due while whoever asks for frames was busy with the last, after which none is timed
+/// any more: light then lasts for whichever frame comes.
+const MOST_MISSED: u32 = 2;
 
 impl Bracket {
     pub fn new(lamp: Option<Box<dyn Lamp>>, every: u32, device: String) -> Self {
@@ -39,6 +44,7 @@ impl Bracket {
             burning: None,
             planned: None,
             vain: 0,
+            missed: 0,
             device,
         }
     }
@@ -46,7 +52,7 @@ impl Bracket {
     /// Longest exposure with readout that the lamp can light; `None` without a lamp.
     pub fn longest_exposure(&self, period: Duration) -> Option<Duration> {
         let reach = self.lamp.as_ref()?.reach();
-        let around = length_of(&reach, Duration::ZERO, period);
+        let around = length_of(&reach, reach.bounded_by_kernel, Duration::ZERO, period);
         Some(reach.longest.saturating_sub(around))
     }
 
@@ -115,13 +121,17 @@ impl Bracket {
             return Ok(None);
         }
         let reach = lamp.reach();
-        let flash = length_of(&reach, length, period);
+        let steady = length_of(&reach, false, length, period);
+        let timed =
+            reach.bounded_by_kernel && (self.missed < MOST_MISSED || steady > reach.longest);
+        let flash = length_of(&reach, timed, length, period);
         let soonest = lamp.ready_at(flash).max(now);
         let due = match self.planned {
             // A poll wakes up a little late; what was missed by more is for the next frame.
             Some(planned) if now <= planned.after(LEAD / 2) => planned,
-            _ if !reach.bounded_by_kernel => soonest,
-            _ => {
+            _ if !timed => soonest,
+            planned => {
+                self.missed += u32::from(planned.is_some());
                 let lead = LEAD + reach.latency;
                 match clock.next_start(soonest.after(lead)) {
                     Some(start) => start.before(lead),
@@ -148,7 +158,7 @@ impl Bracket {
             return Ok(());
         };
         let reach = lamp.reach();
-        let needed = length_of(&reach, length, period);
+        let needed = length_of(&reach, reach.bounded_by_kernel, length, period);
         if needed <= reach.longest {
             return Ok(());
         }
@@ -164,9 +174,14 @@ impl Bracket {
     }
 }
 
-/// How long light is needed: for one timed exposure, or for whichever comes first.
-fn length_of(reach: &crate::lamp::Reach, length: Duration, period: Duration) -> Duration {
-    if reach.bounded_by_kernel {
+/// How long light is needed: for one exposure for which it is timed, or for whichever comes first.
+fn length_of(
+    reach: &crate::lamp::Reach,
+    timed: bool,
+    length: Duration,
+    period: Duration,
+) -> Duration {
+    if timed {
         length + 2 * (LEAD + reach.latency)
     } else {
         length + 2 * period + 2 * reach.latency + LEAD

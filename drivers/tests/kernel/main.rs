@@ -2,6 +2,7 @@
 //! these tests there; elsewhere they are ignored, as no machine has this hardware.
 #![cfg(target_os = "linux")]
 
+mod daemon;
 mod flash;
 mod machine;
 mod usb;

@@ -1,0 +1,373 @@
+//! A whole daemon on two virtual cameras and a flash LED. What the LED does is seen in the color
+//! camera's pictures, so that a wrong label would show in their pixels.
+
+use crate::machine::{is_long, lumas, number, set_control, wait_for, write};
+use drivers::{Frame, Settings, open};
+use std::{
+    fs,
+    io::{Read, Write},
+    os::unix::{net::UnixStream, process::ExitStatusExt},
+    path::Path,
+    process::{Child, Command, ExitStatus, Output, Stdio},
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
+    thread::JoinHandle,
+    time::{Duration, Instant},
+};
+
+const COLOR: &str = "/dev/video0";
+const DEPTH: &str = "/dev/video1";
+const LED: &str = "/sys/module/fakeflash/parameters";
+const FOLDER: &str = "/tmp/daemon";
+const SOCKET: &str = "/tmp/daemon/captured.sock";
+
+/// `V4L2_CID_BRIGHTNESS`, and what plays the room alone and the room with the flash.
+const BRIGHTNESS: u32 = 0x0098_0900;
+const ROOM: i64 = 100;
+const LIT: i64 = 200;
+
+/// `longest_seconds`, 10 % for a timer that runs slowly, and the kernel's ticks.
+const BOUND: Duration = Duration::from_millis(150 + 15 + 12);
+
+const CAMERA: &str = r#"
+model = "two virtual cameras"
+
+[color]
+node = "bus:platform:vivid-000"
+format = "YUYV"
+width = 320
+height = 180
+frames_per_second = 25.0
+# Without the text that counts frames.
+controls = { osd_text_mode = 2 }
+
+[depth]
+node = "bus:platform:vivid-001"
+format = "Y16"
+width = 320
+height = 180
+frames_per_second = 25.0
+# Gray of 16 to 235 of 255 becomes 0.12 to 1.8 m.
+unit_metres = 3e-5
+controls = { osd_text_mode = 2 }
+
+[flash]
+kind = "subdevice"
+longest_seconds = 0.15
+"#;
+
+fn lit() -> bool {
+    number(&format!("{LED}/strobing")) == 1
+}
+
+/// The scene before the color camera: brighter while the LED shines.
+struct Scene {
+    over: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Scene {
+    fn begin() -> Self {
+        set_control(COLOR, BRIGHTNESS, ROOM);
+        let over = Arc::new(AtomicBool::new(false));
+        let watched = Arc::clone(&over);
+        let thread = std::thread::spawn(move || {
+            let mut shining = false;
+            while !watched.load(Ordering::Relaxed) {
+                // The camera may be unplugged meanwhile; it comes back as dark as the room.
+                if lit() != shining && Path::new(COLOR).exists() {
+                    shining = !shining;
+                    set_control(COLOR, BRIGHTNESS, if shining { LIT } else { ROOM });
+                }
+                std::thread::sleep(Duration::from_millis(1));
+            }
+        });
+        Self {
+            over,
+            thread: Some(thread),
+        }
+    }
+}
+
+impl Drop for Scene {
+    fn drop(&mut self) {
+        self.over.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            thread.join().unwrap();
+        }
+    }
+}
+
+/// A running daemon; killed when dropped.
+struct Daemon(Child);
+
+impl Daemon {
+    fn start() -> Self {
+        fs::create_dir_all(FOLDER).unwrap();
+        fs::write(format!("{FOLDER}/camera.toml"), CAMERA).unwrap();
+        let config = format!(
+            "devices = [\"v4l:{FOLDER}/camera.toml\"]\nsocket = \"{SOCKET}\"\nstate = \"{FOLDER}/state\"\n\
+             [capture]\ndeadline_seconds = 60.0\n"
+        );
+        fs::write(format!("{FOLDER}/captured.toml"), config).unwrap();
+        let log = fs::File::options()
+            .append(true)
+            .create(true)
+            .open(format!("{FOLDER}/log"))
+            .unwrap();
+        let mut daemon = Self(
+            Command::new("captured")
+                .arg("--config")
+                .arg(format!("{FOLDER}/captured.toml"))
+                .stderr(log)
+                .spawn()
+                .unwrap(),
+        );
+        let since = Instant::now();
+        while UnixStream::connect(SOCKET).is_err() {
+            let ended = daemon.0.try_wait().unwrap();
+            assert!(
+                ended.is_none() && since.elapsed() < Duration::from_secs(30),
+                "the daemon does not listen ({ended:?}): {}",
+                log_text()
+            );
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        daemon
+    }
+
+    /// Asks it to stop, and answers how it ended.
+    fn stop(mut self) -> ExitStatus {
+        let asked = Command::new("kill").arg(self.0.id().to_string()).status();
+        assert!(asked.unwrap().success());
+        self.0.wait().unwrap()
+    }
+}
+
+impl Drop for Daemon {
+    fn drop(&mut self) {
+        drop(self.0.kill());
+        drop(self.0.wait());
+    }
+}
+
+fn log_text() -> String {
+    fs::read_to_string(format!("{FOLDER}/log")).unwrap_or_default()
+}
+
+fn capturectl(arguments: &[&str]) -> Command {
+    let mut command = Command::new("capturectl");
+    command
+        .arg("--config")
+        .arg(format!("{FOLDER}/captured.toml"))
+        .args(arguments);
+    command
+}
+
+/// Runs it to its end; what it said is shown where it failed and should not have.
+fn succeeds(arguments: &[&str]) -> String {
+    let output = capturectl(arguments).output().unwrap();
+    let said = said(&output);
+    assert!(
+        output.status.success(),
+        "{arguments:?}: {said}\n{}",
+        log_text()
+    );
+    said
+}
+
+fn said(output: &Output) -> String {
+    let both = [&output.stdout[..], &output.stderr[..]].concat();
+    String::from_utf8_lossy(&both).trim().to_owned()
+}
+
+/// Frames of a shot that was kept.
+fn frames(folder: &str) -> Vec<Frame> {
+    let mut device = open(&format!("{folder}/shot.mcap")).unwrap();
+    let mut stream = device.start(&Settings::default()).unwrap();
+    std::iter::from_fn(|| stream.next_frame(Duration::ZERO).ok()).collect()
+}
+
+/// Every file of a shot is as it was written, and its pixels say what its labels do.
+fn is_whole_and_labelled_right(folder: &str) {
+    succeeds(&["info", folder]);
+    let manifest = fs::read_to_string(format!("{folder}/shot.json")).unwrap();
+    let manifest: serde_json::Value = serde_json::from_str(&manifest).unwrap();
+    for named in manifest["files"].as_array().unwrap() {
+        let path = format!("{folder}/{}", named["name"].as_str().unwrap());
+        let length = fs::metadata(&path).unwrap().len();
+        assert_eq!(Some(length), named["bytes"].as_u64(), "{path}");
+    }
+    let frames = frames(folder);
+    assert!(frames.iter().any(|frame| matches!(frame, Frame::Depth(_))));
+    let (flash, ambient) = lumas(&frames);
+    eprintln!("{folder}: luma of the flash frame {flash:.1?}, of the ambient frames {ambient:.1?}");
+    assert_eq!(flash.len(), 1);
+    assert!(!ambient.is_empty());
+    // The flash adds 100 of 255; half of that tells the two apart whatever the pattern clips.
+    assert!(ambient.iter().all(|ambient| flash[0] > ambient + 50.0));
+}
+
+/// What the daemon says its device is doing.
+fn phase() -> String {
+    let mut stream = UnixStream::connect(SOCKET).unwrap();
+    let request = "GET /v1/status HTTP/1.1\r\nHost: daemon\r\nConnection: close\r\n\r\n";
+    stream.write_all(request.as_bytes()).unwrap();
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).unwrap();
+    let (_, body) = answer.split_once("\r\n\r\n").unwrap();
+    let status: serde_json::Value = serde_json::from_str(body).unwrap();
+    status["devices"][0]["phase"].as_str().unwrap().to_owned()
+}
+
+/// How long the daemon takes to say so.
+fn until(wanted: &str) -> Duration {
+    let since = Instant::now();
+    while phase() != wanted {
+        assert!(since.elapsed() < Duration::from_secs(5), "never {wanted}");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    since.elapsed()
+}
+
+/// Nobody asks for a shot while the camera goes and comes.
+fn idle_loss_is_told_and_mended() {
+    let cycles = if is_long() { 50 } else { 5 };
+    let (mut losses, mut returns) = (Vec::new(), Vec::new());
+    for _ in 0..cycles {
+        until("idle");
+        write("/sys/bus/platform/drivers/vivid/unbind", "vivid.0");
+        losses.push(until("degraded"));
+        write("/sys/bus/platform/drivers/vivid/bind", "vivid.0");
+        wait_for(COLOR);
+        returns.push(until("idle"));
+    }
+    set_control(COLOR, BRIGHTNESS, ROOM);
+    losses.sort();
+    returns.sort();
+    let worst = |times: &[Duration]| times[times.len() - 1];
+    eprintln!(
+        "{cycles} times unplugged while idle: told within {:?} (median {:?}), ready again within {:?} \
+         (median {:?})",
+        worst(&losses),
+        losses[cycles / 2],
+        worst(&returns),
+        returns[cycles / 2]
+    );
+    // A look every 250 ms, and one answer of the daemon.
+    assert!(worst(&losses) <= Duration::from_millis(300));
+    assert!(worst(&returns) <= Duration::from_secs(2));
+}
+
+#[test]
+#[ignore = "needs the kernel of tests/guest/run"]
+fn a_shot_is_whole_its_pixels_prove_its_labels_and_a_camera_comes_and_goes() {
+    drop(fs::remove_dir_all(FOLDER));
+    let _scene = Scene::begin();
+    let daemon = Daemon::start();
+    let since = Instant::now();
+    let relit = format!("{FOLDER}/relit");
+    let said = succeeds(&[
+        "shoot",
+        "--relight",
+        "--tier",
+        "closed",
+        "--light",
+        "0.5,0.4,0.8",
+        "--out",
+        &relit,
+    ]);
+    eprintln!("{said}, {:?}", since.elapsed());
+    is_whole_and_labelled_right(&relit);
+    for file in ["relit_000.exr", "relit_000.png", "albedo.exr", "normal.exr"] {
+        assert!(Path::new(&relit).join(file).exists(), "no {file}");
+    }
+    for shot in 0..if is_long() { 40 } else { 3 } {
+        let folder = format!("{FOLDER}/shot{shot}");
+        succeeds(&["shoot", "--out", &folder]);
+        is_whole_and_labelled_right(&folder);
+    }
+    idle_loss_is_told_and_mended();
+    // Without its color camera there is no shot, and a reason; with it there is one again.
+    write("/sys/bus/platform/drivers/vivid/unbind", "vivid.0");
+    let none = format!("{FOLDER}/none");
+    let refused = capturectl(&["shoot", "--out", &none]).output().unwrap();
+    assert!(!refused.status.success() && !Path::new(&none).exists());
+    eprintln!("unplugged: {}", self::said(&refused));
+    write("/sys/bus/platform/drivers/vivid/bind", "vivid.0");
+    wait_for(COLOR);
+    wait_for(DEPTH);
+    set_control(COLOR, BRIGHTNESS, ROOM);
+    let since = Instant::now();
+    let again = format!("{FOLDER}/again");
+    loop {
+        let output = capturectl(&["shoot", "--out", &again]).output().unwrap();
+        if output.status.success() {
+            break;
+        }
+        assert!(
+            since.elapsed() < Duration::from_secs(10),
+            "{}",
+            self::said(&output)
+        );
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    eprintln!(
+        "plugged in: a shot {:?} later, as its last client saw it",
+        since.elapsed()
+    );
+    is_whole_and_labelled_right(&again);
+    let ended = daemon.stop();
+    assert!(ended.success(), "{ended:?}: {}", log_text());
+    assert!(!Path::new(SOCKET).exists());
+    succeeds(&["fsck"]);
+}
+
+#[test]
+#[ignore = "needs the kernel of tests/guest/run"]
+fn a_daemon_killed_while_its_flash_burns_leaves_it_dark_and_its_shots_whole() {
+    drop(fs::remove_dir_all(FOLDER));
+    let _scene = Scene::begin();
+    let mut longest = Duration::ZERO;
+    let times = if is_long() { 20 } else { 3 };
+    for _ in 0..times {
+        let mut daemon = Daemon::start();
+        let mut client = capturectl(&["shoot", "--out", "/tmp/daemon/never"])
+            .stderr(Stdio::null())
+            .stdout(Stdio::null())
+            .spawn()
+            .unwrap();
+        let since = Instant::now();
+        while !lit() {
+            assert!(
+                since.elapsed() < Duration::from_secs(30),
+                "no flash: {}",
+                log_text()
+            );
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        let burning = Instant::now();
+        daemon.0.kill().unwrap();
+        let ended = daemon.0.wait().unwrap();
+        assert_eq!(ended.signal(), Some(9));
+        while lit() {
+            assert!(burning.elapsed() < Duration::from_secs(2), "left burning");
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        longest = longest.max(burning.elapsed());
+        assert!(!client.wait().unwrap().success(), "a shot of a dead daemon");
+    }
+    eprintln!(
+        "of {times} daemons killed in a flash, the last light was {longest:?} after its beginning"
+    );
+    assert!(longest <= BOUND, "{longest:?}");
+    // Another one takes over what is left, and photographs.
+    let daemon = Daemon::start();
+    let after = format!("{FOLDER}/after");
+    succeeds(&["shoot", "--out", &after]);
+    is_whole_and_labelled_right(&after);
+    assert!(daemon.stop().success());
+    succeeds(&["fsck"]);
+}

@@ -1,0 +1,6 @@
+# A whole daemon on two virtual cameras and a flash LED: shots are asked for over its socket.
+load vivid n_devs=2 node_types=0x1,0x1 num_inputs=1,1 input_types=0x0,0x0 num_outputs=0,0 multiplanar=1,1
+load led-class-flash
+load v4l2-flash-led-class
+load fakeflash
+kernel --ignored --test-threads=1 --nocapture daemon::
