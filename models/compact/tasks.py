@@ -9,7 +9,7 @@ AMPLITUDE = slice(13, 15)
 """Planes of `sight` that a camera without infrared picture leaves empty."""
 
 MOST_SIGMAS = 3.0
-"""Depth moves by at most so many of its standard deviations; `corrected` in surfaces.rs does the same."""
+"""Depth moves by at most so many of its standard deviations."""
 
 DEPTH_UNIT = 0.01
 """Relative error of depth that counts as much as a tenth in the others."""
@@ -25,12 +25,21 @@ def gaussians(error, sigma):
     return torch.log(sigma) + 0.5 * (error / sigma) ** 2
 
 
+class Unsaying:
+    """A network of surfaces that says nothing."""
+
+    @staticmethod
+    def taught(sight):
+        none = 0 * sight[:, :1]
+        return none.expand(-1, 3, -1, -1), none.expand(-1, 3, -1, -1), sight[:, 8:9], none, none + 0.01
+
+
 class Surfaces:
     """Normals, albedo, roughness and depth."""
 
     name = "surfaces"
     given = {"sight": 16}
-    outputs = {"turn": 3, "factor": 3, "roughness": 1, "step": 1, "sigma": 1}
+    outputs = {"turn": 3, "factor": 3, "roughness": 1}
     names = ["sight", "truth.albedo", "truth.normal", "truth.roughness", "truth.depth"]
 
     def __init__(self, **shape):
@@ -44,7 +53,7 @@ class Surfaces:
     def errors(self, batch):
         """(squared errors by name as the tables state them, what training descends)."""
         sight = batch["sight"]
-        normal, albedo, roughness, depth, sigma = self.network(sight)
+        normal, albedo, roughness, depth, sigma = self.network.taught(sight)
         truth = {name: batch[f"truth.{name}"] for name in ("albedo", "normal", "roughness", "depth")}
         known = sight[:, 15:16] * torch.stack([t.isfinite().all(1) for t in truth.values()], 0).all(0)[:, None]
         truth = {name: torch.nan_to_num(t) for name, t in truth.items()}
@@ -72,7 +81,7 @@ class Surfaces:
 
     def before(self, batch):
         """The same errors of the closed form."""
-        kept, self.network = self.network, lambda s: (0 * s[:, :3], 0 * s[:, :3], s[:, 8:9], 0 * s[:, :1], 0 * s[:, :1] + 0.01)
+        kept, self.network = self.network, Unsaying()
         try:
             return self.errors(batch)[0]
         finally:

@@ -54,18 +54,27 @@ def test_what_is_mirrored_is_lit_from_the_other_side(tmp_path):
             assert torch.allclose(back[[7 + axis, 10 + axis]], sign * plain[[7 + axis, 10 + axis]])
 
 
-def test_an_untrained_network_leaves_the_closed_form_as_it_is(tmp_path):
+def test_an_untrained_network_leaves_the_closed_form_nearly_as_it_is(tmp_path):
     lesson(tmp_path, 5)
-    for task in (kind() for kind in TASKS.values()):
+    # Roughness stays within [0.02, 0.98]; an eighth of a shadow is already the network's, or nothing would teach it.
+    for name, most in (("surfaces", 0.01), ("light", 0.15)):
+        task = TASKS[name]()
         batch = Lessons([tmp_path], task.names).batch(np.random.default_rng(1), 2, 32)
         after, before = task.errors(batch)[0], task.before(batch)
         for name in before:
-            assert torch.isclose(after[name], before[name], rtol=1e-2), name  # roughness stays within [0.02, 0.98]
+            assert torch.isclose(after[name], before[name], rtol=most), name
+
+
+def test_what_is_shipped_says_the_same():
+    network, sight = SurfacesNet(), torch.rand(1, 16, 32, 32)
+    torch.nn.init.normal_(network.head.weight)
+    for one, other in zip(network(sight), network.shipped()(sight), strict=True):
+        assert torch.allclose(one, other, atol=1e-5)
 
 
 def test_both_networks_together_are_small_and_answer_in_the_size_they_are_given():
     surfaces, light = SurfacesNet(), LightNet()
     assert parameters(surfaces) + parameters(light) < 1_000_000
     sizes = [tuple(said.shape) for said in surfaces(torch.rand(1, 16, 48, 80))]
-    assert sizes == [(1, c, 48, 80) for c in (3, 3, 1, 1, 1)]
+    assert sizes == [(1, c, 48, 80) for c in (3, 3, 1)]
     assert [tuple(said.shape) for said in light(torch.rand(1, 17, 48, 80))] == [(1, c, 48, 80) for c in (1, 1, 3)]

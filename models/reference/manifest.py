@@ -21,8 +21,6 @@ SIGNALS = {
     "lamp": ("a scene under a lamp in closed form, see src/relight/networks/compact/light.rs; what leaves 0 to 1 is a direction or depth", -2, 2),
     "turn": ("what is added to the unit normal; x right, y up, z toward the camera", -2, 2),
     "factor": ("logarithm of what the albedo is multiplied with", -4, 4),
-    "step": ("what depth is longer, as a share of it", -0.1, 0.1),
-    "sigma": ("standard deviation of depth, as a share of it", 0, 0.14),
     "weight": ("how far to believe `shadow` instead of the sweep", 0, 1),
     "bounced": ("what is added to the light that is bounced onto a surface; white Lambertian facing the lamp = 1", -1, 1),
     "relit": ("linear light, white Lambertian facing the lamp = 1; what is below 0 is to be cut", 0, 2),

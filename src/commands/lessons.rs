@@ -1,21 +1,15 @@
 //! `lessons`: what the compact networks learn from, made by the very code that feeds them.
 
-use super::{
-    Answer, CommandError, error::InputError, inference::BackendArguments, input, progress::Progress,
-};
+use super::{Answer, CommandError, error::InputError, input, progress::Progress};
 use crate::{
     config::Config,
     corruption::{Corruption, DepthNoise},
     darkroom::DarkroomError,
     develop::{Development, Options, Stage, develop},
     folder::{Capture, FolderError},
-    inference,
     relight::{
-        Lamp, Prepared,
-        networks::{
-            Channels, Network, Variant,
-            compact::{Correction, corrected},
-        },
+        Lamp,
+        networks::{Channels, compact::Correction},
     },
     session::SessionError,
     shot::Shot,
@@ -55,25 +49,14 @@ pub struct Lessons {
     /// Put the paper's noise on every capture.
     #[arg(long, conflicts_with = "spoil")]
     noisy: bool,
-    /// Light what the shipped network of surfaces has corrected.
-    #[arg(long)]
-    corrected: bool,
     /// Other dice.
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
-    #[command(flatten)]
-    backend: BackendArguments,
 }
 
 impl Lessons {
     pub(super) fn run(self, config: &Config) -> Result<Answer, CommandError> {
         let progress = Progress::of(self.captures.len(), "reading");
-        let surfaces = if self.corrected {
-            let settings = self.backend.settings(config);
-            Some(inference::load("surfaces", Variant::COMPACT, &settings)?)
-        } else {
-            None
-        };
         std::fs::create_dir_all(&self.out).map_err(|error| self.unwritten(&self.out, error))?;
         let mut made = 0;
         for path in &self.captures {
@@ -81,7 +64,7 @@ impl Lessons {
             progress.doing(&capture.name);
             let file = self.out.join(format!("{}.safetensors", capture.name));
             if !file.exists() {
-                let lesson = self.lesson(path, &capture, surfaces.as_deref())?;
+                let lesson = self.lesson(path, &capture)?;
                 lesson
                     .write(&file)
                     .map_err(|error| self.unwritten(&file, error))?;
@@ -126,12 +109,7 @@ impl Lessons {
         Ok(spoiled)
     }
 
-    fn lesson(
-        &self,
-        path: &Path,
-        capture: &Capture,
-        surfaces: Option<&dyn Network>,
-    ) -> Result<Lesson, CommandError> {
+    fn lesson(&self, path: &Path, capture: &Capture) -> Result<Lesson, CommandError> {
         let lacking = |what: &str| -> CommandError {
             InputError {
                 path: path.to_owned(),
@@ -142,7 +120,7 @@ impl Lessons {
         };
         let shot = self.spoiled(capture)?;
         let mut begins = |_: Stage| ();
-        let mut development = develop(&shot, &Options::default(), &mut begins)
+        let development = develop(&shot, &Options::default(), &mut begins)
             .map_err(|error| SessionError::from(DarkroomError::from(error)))?;
         let truth = capture.truth.as_ref().ok_or_else(|| lacking("pictures"))?;
         let (albedo, normal) = (truth.albedo()?, truth.normal()?);
@@ -174,12 +152,6 @@ impl Lessons {
             .map(|(z, truth)| truth / z - 1.0);
         let steps = Plane::new(depth.width(), depth.height(), steps.collect());
         lesson.plane("truth.depth", &steps.expect("one per pixel"));
-        if let Some(network) = surfaces {
-            let scene = corrected(&development.scene, &given, network)
-                .map_err(|error| SessionError::from(DarkroomError::from(error)))?;
-            development.prepared = Prepared::new(&scene, Options::default().prepare);
-            development.scene = scene;
-        }
         lesson.lamps(&development, truth)?;
         Ok(lesson)
     }

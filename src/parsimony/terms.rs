@@ -28,7 +28,7 @@ pub enum Shadow {
     None,
     /// Those of the depth's own slabs.
     Swept,
-    /// The same, corrected by a network where the slabs are unsure.
+    /// The same; the compact networks correct them, and surfaces and bounced light with them.
     Network,
 }
 
@@ -126,7 +126,7 @@ impl fmt::Display for Terms {
         let shadow = match self.shadow {
             Shadow::None => "no cast shadow",
             Shadow::Swept => "swept shadows",
-            Shadow::Network => "swept shadows corrected by a network",
+            Shadow::Network => "swept shadows, surfaces and light corrected by networks",
         };
         let indirect = match self.indirect {
             Bounced::None => "no bounced light",

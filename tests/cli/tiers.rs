@@ -15,6 +15,8 @@ fn without_its_models_the_papers_tier_says_so_and_the_closed_form_still_answers(
     };
     let refused = relight(&["--tier", "paper", "--models", "/nonexistent/models"]);
     refused.refuses(3, &["decompose", "--tier closed"]);
+    let refused = relight(&["--tier", "compact", "--models", "/nonexistent/models"]);
+    refused.refuses(3, &["compact-surfaces", "--tier closed"]);
     assert!(names_in(folder.path()).is_empty());
     relight(&["--tier", "closed"]).succeeds();
     let shot = folder.path().join("relit/shot.json");
@@ -24,12 +26,55 @@ fn without_its_models_the_papers_tier_says_so_and_the_closed_form_still_answers(
 }
 
 #[test]
+fn the_compact_networks_answer_without_anything_to_fetch_and_say_what_they_took() {
+    let folder = tempfile::tempdir().unwrap();
+    let desk = recording("desk.mcap");
+    let words = ["relight", desk.to_str().unwrap(), "--tier", "compact"];
+    capturectl(folder.path(), &[&words, &LIGHT[..]].concat()).succeeds();
+    let shot = std::fs::read(folder.path().join("relit/shot.json")).unwrap();
+    let shot: serde_json::Value = serde_json::from_slice(&shot).unwrap();
+    assert_eq!(shot["report"]["tier"], "compact");
+    let networks = shot["report"]["networks"].as_array().unwrap();
+    let asked = networks
+        .iter()
+        .map(|network| (network["name"].as_str(), network["runs"].as_u64()));
+    assert!(
+        asked.eq([(Some("surfaces"), Some(1)), (Some("light"), Some(1))]),
+        "{networks:?}"
+    );
+}
+
+#[test]
+fn surfaces_are_exported_whole_or_not_at_all() {
+    let folder = tempfile::tempdir().unwrap();
+    let desk = recording("desk.mcap");
+    let export = |more: &[&str]| {
+        let words = ["export", desk.to_str().unwrap()];
+        capturectl(folder.path(), &[&words, more].concat())
+    };
+    export(&["--out", "desk.obj"]).refuses(2, &["--out desk.obj", ".glb, .ply, .exr or .ptm"]);
+    let models = ["--models", "/nonexistent/models"];
+    let refused = export(&[&["--out", "desk.ply"][..], &models].concat());
+    refused.refuses(3, &["compact-surfaces"]);
+    assert!(names_in(folder.path()).is_empty());
+    export(&[&["--out", "desk.ply", "--closed"][..], &models].concat()).succeeds();
+    let file = std::fs::read(folder.path().join("desk.ply")).unwrap();
+    assert!(file.starts_with(b"ply\nformat binary_little_endian 1.0\n"));
+    // What is there is not replaced.
+    export(&["--out", "desk.ply", "--closed"]).refuses(5, &["desk.ply"]);
+    assert_eq!(std::fs::read(folder.path().join("desk.ply")).unwrap(), file);
+}
+
+#[test]
 fn tiers_that_make_no_sense_are_refused_by_name() {
     let folder = tempfile::tempdir().unwrap();
     let desk = recording("desk.mcap");
     struct Case(&'static [&'static str], &'static [&'static str]);
     for Case(arguments, words) in [
-        Case(&["--tier", "fast"], &["--tier", "auto, closed or paper"]),
+        Case(
+            &["--tier", "fast"],
+            &["--tier", "auto, closed, compact or paper"],
+        ),
         Case(
             &["--tier", "paper", "--variant", "odd"],
             &["--variant", "clean or noisy"],
@@ -67,7 +112,10 @@ fn what_a_shot_was_modelled_with_and_why_is_kept() {
     let ran = capturectl(folder.path(), &[&words, &LIGHT[..]].concat());
     ran.succeeds();
     // Things stand on the desk: their shadows are swept although no network corrects them.
-    assert!(ran.err.contains("shadows are not corrected"), "{ran:#?}");
+    assert!(
+        ran.err.contains("closed forms are not corrected"),
+        "{ran:#?}"
+    );
     let shot = std::fs::read(folder.path().join("relit/shot.json")).unwrap();
     let shot: serde_json::Value = serde_json::from_slice(&shot).unwrap();
     let report = &shot["report"];

@@ -9,15 +9,10 @@ use rayon::prelude::*;
 
 /// No normal is turned further away from the camera than this cosine.
 const LEAST_FACING: f32 = 0.02;
-/// Depth moves by at most so many of its standard deviations; `tasks.py` has the same.
-const MOST_SIGMAS: f32 = 3.0;
-/// A relative sigma of depth below this is none, above that is no depth.
-const SIGMAS: [f32; 2] = [1e-5, 0.5];
 
 /// The scene with the network's corrections; `given` is what [`super::Sight::given`] made of it.
 ///
-/// Only what is known is corrected. Depth moves along the pixel's ray and its sigma becomes what the
-/// network expects of its own error; the albedo keeps to [0, 1] where its scale is known.
+/// Only what is known is corrected, and depth not at all; the albedo keeps to [0, 1] where its scale is known.
 ///
 /// # Errors
 /// [`NetworkError`] of the network.
@@ -26,19 +21,12 @@ pub fn corrected(
     given: &Channels,
     network: &dyn Network,
 ) -> Result<Scene, NetworkError> {
-    let wanted = [
-        ("turn", 3),
-        ("factor", 3),
-        ("roughness", 1),
-        ("step", 1),
-        ("sigma", 1),
-    ];
-    let [turn, factor, roughness, step, sigma] = answers(network, &[("sight", given)], &wanted)?;
+    let wanted = [("turn", 3), ("factor", 3), ("roughness", 1)];
+    let [turn, factor, roughness] = answers(network, &[("sight", given)], &wanted)?;
     let size = scene.albedo.size();
     let turns = resampled(&plane::<3>(&turn), size);
     let factors = resampled(&plane::<3>(&factor), size);
-    let one = |answer: &Channels| resampled(&plane::<1>(answer).map(|[value]| *value), size);
-    let (roughness, steps, sigmas) = (one(&roughness), one(&step), one(&sigma));
+    let roughness = resampled(&plane::<1>(&roughness).map(|[value]| *value), size);
     let most = if scene.scale_known { 1.0 } else { f32::MAX };
     let rays: Plane<Vec3> = Plane::from_fn(size.0, size.1, |x, y| {
         let ray = scene.camera.ray(glam::DVec2::new(x as f64, y as f64));
@@ -67,17 +55,6 @@ pub fn corrected(
     for (value, found) in roughnesses.zip(roughness.samples()) {
         if !value.is_nan() {
             *value = finite(*found).clamp(0.01, 1.0);
-        }
-    }
-    let depths = out.depth_metres.samples_mut().iter_mut();
-    let depths = depths.zip(out.depth_sigma_metres.samples_mut());
-    for (index, (metres, sigma)) in depths.enumerate() {
-        // No further than the closed form's own doubt: what is known exactly stays.
-        let most = MOST_SIGMAS * finite(*sigma).max(0.0);
-        *metres += (finite(steps.samples()[index]) * *metres).clamp(-most, most);
-        let relative = finite(sigmas.samples()[index]).clamp(SIGMAS[0], SIGMAS[1]);
-        if sigma.is_finite() {
-            *sigma = relative * *metres;
         }
     }
     Ok(out)
