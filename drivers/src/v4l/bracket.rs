@@ -187,3 +187,108 @@ fn length_of(
         length + 2 * period + 2 * reach.latency + LEAD
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        lamp::{Lit, Moment, Reach},
+        node::{Filled, Flags},
+        v4l::plan::Stamp,
+    };
+    use std::sync::{Arc, Mutex};
+
+    /// Notes how long each flash was to last.
+    struct Noting(Arc<Mutex<Vec<Duration>>>);
+
+    impl Lamp for Noting {
+        fn reach(&self) -> Reach {
+            Reach {
+                longest: ms(300),
+                bounded_by_kernel: true,
+                latency: ms(1),
+            }
+        }
+
+        fn fire(&mut self, flash: Duration) -> Result<Lit, DriverError> {
+            self.0.lock().unwrap().push(flash);
+            let moment = |at| Moment {
+                earliest: at,
+                latest: at,
+            };
+            let now = Timestamp::now();
+            Ok(Lit {
+                from: moment(now),
+                until: moment(now.after(flash)),
+            })
+        }
+
+        fn put_out(&mut self) -> Result<Moment, DriverError> {
+            let now = Timestamp::now();
+            Ok(Moment {
+                earliest: now,
+                latest: now,
+            })
+        }
+    }
+
+    fn ms(milliseconds: u64) -> Duration {
+        Duration::from_millis(milliseconds)
+    }
+
+    /// Asks for every frame of 40 ms, each time so long after its arrival, and answers how long the
+    /// first flash was to last.
+    fn first_flash(busy: Duration) -> Option<Duration> {
+        let fired = Arc::new(Mutex::new(Vec::new()));
+        let lamp = Box::new(Noting(Arc::clone(&fired)));
+        let mut bracket = Bracket::new(Some(lamp), 3, "test".into());
+        let mut clock = Clock::new(Stamp::Start, 0.0, Duration::ZERO);
+        let (length, period) = (ms(10), ms(40));
+        let mut at = Timestamp::now().after(ms(1));
+        for number in 0..12 {
+            let filled = Filled {
+                index: 0,
+                used: vec![],
+                flags: Flags {
+                    error: false,
+                    monotonic: true,
+                    start_of_exposure: true,
+                },
+                sequence: number,
+                nanoseconds: at.as_nanos(),
+            };
+            let arrival = at.after(length);
+            clock.place(&filled, length, arrival).unwrap();
+            bracket.delivered(Illumination::Ambient).unwrap();
+            // Whoever asks works on the frame, and then waits until it is told to ask again or the next
+            // frame is there.
+            let next = at.after(period).after(length);
+            let mut now = arrival.after(busy);
+            while let Some(again) = bracket.act(now, &clock, length, period).unwrap() {
+                if let Some(flash) = fired.lock().unwrap().first() {
+                    return Some(*flash);
+                }
+                if again >= next {
+                    break;
+                }
+                now = again.max(now.after(Duration::from_micros(100)));
+            }
+            at = at.after(period);
+        }
+        None
+    }
+
+    #[test]
+    fn a_flash_is_timed_for_one_exposure_where_frames_are_taken_in_time() {
+        // Its 10 ms, and 3 ms and the lamp's latency on each side.
+        assert_eq!(first_flash(ms(2)), Some(ms(18)));
+    }
+
+    #[test]
+    fn whoever_takes_frames_too_slowly_to_time_a_flash_gets_a_longer_one() {
+        // 38 of 40 ms: each due time has passed when the next frame is asked for.
+        // 38 of 40 ms: each due time has passed when the next frame is asked for. Light then lasts for
+        // whichever frame comes, and for one that has begun before it.
+        assert_eq!(first_flash(ms(38)), Some(ms(95)));
+    }
+}
