@@ -13,9 +13,7 @@ use crate::{
     costs::{self, CostError},
     develop::{DevelopError, Development, Stage},
     inference::InferenceError,
-    output::{
-        Disk, Existing, Manifest, OutputError, RelitView, Results, Tone, sheet::Panel, write,
-    },
+    output::{Destination, Manifest, OutputError, RelitView, Results, Tone, sheet::Panel, write},
     parsimony::{ModelError, TooLittleTime},
     radiometry::{SubtractionReport, linearise},
     relight::{Environment, Lamp, Relit, networks::NetworkError},
@@ -25,7 +23,7 @@ use crate::{
 use doubts::{doubts, fraction, mean_confidence};
 use drivers::{ColorFrame, Plane};
 use modelled::{Evidence, Modelled};
-use std::{path::Path, time::Instant};
+use std::time::Instant;
 use surroundings::Surroundings;
 use thiserror::Error;
 
@@ -116,8 +114,7 @@ impl DarkroomError {
 /// [`DarkroomError::Output`] when the folder exists or cannot be written. Nothing is left behind.
 pub fn print(
     order: &Order<'_>,
-    folder: &Path,
-    existing: Existing,
+    to: &Destination<'_>,
     observe: &mut dyn FnMut(&str),
 ) -> Result<Manifest, DarkroomError> {
     let clock = &mut Clock::default();
@@ -200,7 +197,7 @@ pub fn print(
         warnings: &warnings,
         attachments: order.attachments,
     };
-    Ok(write(&results, folder, existing, &Disk)?)
+    Ok(write(&results, to.folder, to.existing, to.disk)?)
 }
 
 /// Times what begins and ends by turns.

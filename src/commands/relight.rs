@@ -11,7 +11,7 @@ use crate::{
     api::{CheckedLights, LightError},
     config::Config,
     darkroom::{self, Order, Source},
-    output::{Existing, manifest::MANIFEST},
+    output::{Destination, Disk, Existing, manifest::MANIFEST},
     session,
 };
 use clap::Args;
@@ -68,10 +68,13 @@ impl Relight {
         } else {
             Existing::Refuse
         };
-        let manifest = darkroom::print(&order, &self.out, existing, &mut |stage| {
-            progress.doing(stage)
-        })
-        .map_err(session::SessionError::from)?;
+        let to = Destination {
+            disk: &Disk,
+            folder: &self.out,
+            existing,
+        };
+        let manifest = darkroom::print(&order, &to, &mut |stage| progress.doing(stage))
+            .map_err(session::SessionError::from)?;
         drop(progress);
         let mut lines = vec![format!("{}: {}", self.input.display(), self.out.display())];
         for light in &manifest.lights {

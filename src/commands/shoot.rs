@@ -8,7 +8,7 @@ use crate::{
     api::{CheckedLights, Light, ShotReply, ShotRequest, Tier},
     config::Config,
     darkroom::{Answering, Asked},
-    output::{Disk, Existing, Staging},
+    output::{Destination, Disk, Existing, Staging},
     session::{self, Kept},
 };
 use clap::Args;
@@ -186,17 +186,14 @@ impl Shoot {
         let progress = Progress::of_unknown("taking the shot");
         let taken = session::take(device.as_mut(), &config.capture)?;
         let lights = self.relight.then_some(&lights);
-        let (answering, out) = (&answering, &self.out);
-        let kept = session::keep(
-            &taken,
-            lights,
-            answering,
-            out,
-            Existing::Refuse,
-            &mut |stage| {
-                progress.doing(stage);
-            },
-        )?;
+        let to = Destination {
+            disk: &Disk,
+            folder: &self.out,
+            existing: Existing::Refuse,
+        };
+        let kept = session::keep(&taken, lights, &answering, &to, &mut |stage| {
+            progress.doing(stage);
+        })?;
         let note = "in this process; no daemon with this device was found".to_owned();
         Ok(Told {
             by: "process",

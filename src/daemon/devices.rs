@@ -2,8 +2,11 @@
 
 use super::{
     DaemonError,
+    clock::Clock,
+    counted::Counted,
     preview::Previews,
-    worker::{Job, Pulse, Worker},
+    shooting::busy,
+    worker::{Job, Open, Pulse, Worker},
 };
 use crate::{
     api::{DeviceStatus, Event, Fault, FaultKind, Phase},
@@ -16,9 +19,9 @@ use std::{
         atomic::{AtomicUsize, Ordering},
         mpsc::{SyncSender, TrySendError, sync_channel},
     },
-    time::{Duration, Instant},
+    time::Duration,
 };
-use tokio::sync::{broadcast, oneshot, watch};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, broadcast, oneshot, watch};
 
 /// Silence of a device's thread from which it hangs: its driver does not keep its patience.
 const HANGS_AFTER: Duration = Duration::from_secs(10);
@@ -34,6 +37,10 @@ pub(super) struct Handle {
     jobs: SyncSender<Job>,
     pulse: watch::Receiver<Pulse>,
     committing: Arc<AtomicUsize>,
+    /// One shot is taken at a time; so many wait for it.
+    turn: Arc<Semaphore>,
+    waiting: Arc<AtomicUsize>,
+    clock: Arc<dyn Clock>,
 }
 
 /// A shot of a device that is being developed and written, until it is dropped.
@@ -54,18 +61,20 @@ pub(super) struct Devices {
 }
 
 impl Devices {
-    /// Gives each device of the configuration a thread of its own, which opens it.
+    /// Gives each device of the configuration a thread of its own, which opens it by `open`.
     ///
     /// # Errors
     /// [`DaemonError::Thread`] when the system has none left.
     pub fn start(
         config: &watch::Receiver<Arc<Config>>,
         events: &broadcast::Sender<Event>,
+        clock: &Arc<dyn Clock>,
+        open: &Open,
     ) -> Result<Self, DaemonError> {
         let mut handles = Vec::new();
         for address in &config.borrow().devices {
             let (jobs, waiting) = sync_channel(config.borrow().limits.queue);
-            let (pulse, felt) = watch::channel(Pulse::first(address));
+            let (pulse, felt) = watch::channel(Pulse::first(address, clock.now()));
             let previews = Previews::new();
             let worker = Worker {
                 address: address.clone(),
@@ -73,6 +82,8 @@ impl Devices {
                 jobs: waiting,
                 pulse,
                 previews: previews.clone(),
+                clock: Arc::clone(clock),
+                open: Arc::clone(open),
             };
             std::thread::Builder::new()
                 .name(format!("device {}", handles.len()))
@@ -85,6 +96,9 @@ impl Devices {
                 jobs,
                 pulse: felt,
                 committing: Arc::default(),
+                turn: Arc::new(Semaphore::new(1)),
+                waiting: Arc::default(),
+                clock: Arc::clone(clock),
             });
         }
         let events = events.clone();
@@ -128,8 +142,7 @@ impl Devices {
 
     /// True when every thread was heard of lately: when not, the service manager should know.
     pub fn are_alive(&self) -> bool {
-        let mut pulses = self.handles.iter().map(|handle| handle.pulse.borrow().at);
-        pulses.all(|at| at.elapsed() < HANGS_AFTER)
+        self.handles.iter().all(|handle| !handle.hangs())
     }
 
     /// Says that a shot of a device is being committed, until what is returned is dropped.
@@ -153,10 +166,16 @@ impl Devices {
 }
 
 impl Handle {
+    /// True when its thread was not heard of for long.
+    fn hangs(&self) -> bool {
+        let at = self.pulse.borrow().at;
+        self.clock.now().saturating_duration_since(at) >= HANGS_AFTER
+    }
+
     /// How it is.
     pub fn status(&self) -> DeviceStatus {
+        let hangs = self.hangs();
         let pulse = self.pulse.borrow();
-        let hangs = pulse.at.elapsed() >= HANGS_AFTER;
         let problem = if hangs {
             Some(format!(
                 "{}: its driver does not answer; unplug it, or restart the daemon",
@@ -180,10 +199,24 @@ impl Handle {
         }
     }
 
-    /// Takes a shot after those already waiting, within the deadline of each.
+    /// Waits until nobody else takes a shot with it.
     ///
     /// # Errors
-    /// [`Fault`] of kind daemon when too many wait already, else what the device said.
+    /// [`Fault`] of kind daemon when too many wait already.
+    pub async fn turn(&self, config: &Config) -> Result<OwnedSemaphorePermit, Fault> {
+        let waiting = Counted::new(&self.waiting);
+        if waiting.count() > config.limits.queue {
+            return Err(busy());
+        }
+        let turn = Arc::clone(&self.turn).acquire_owned().await;
+        turn.map_err(|_| busy())
+    }
+
+    /// Takes a shot; whoever asks has its turn.
+    ///
+    /// # Errors
+    /// [`Fault`] of kind daemon when the device's thread has not come back from earlier shots, else what
+    /// the device said.
     pub async fn shoot(&self, config: &Config) -> Result<Taken, Fault> {
         let _claim = self.previews.claim();
         let (reply, answer) = oneshot::channel();
@@ -199,23 +232,20 @@ impl Handle {
         self.jobs
             .try_send(Job { reply })
             .map_err(|refused| match refused {
-                TrySendError::Full(_) => fault(
-                    FaultKind::Daemon,
-                    "busy: limits.queue shots wait for the camera already".to_owned(),
-                    "ask again in a few seconds",
-                ),
+                TrySendError::Full(_) => busy(),
                 TrySendError::Disconnected(_) => ended(),
             })?;
-        let shots = u32::try_from(config.limits.queue)
-            .unwrap_or(u32::MAX)
-            .saturating_add(1);
-        let most = (config.capture.deadline() + GRACE) * shots;
-        let asked = Instant::now();
+        let most = config.capture.deadline() + GRACE;
+        let asked = self.clock.now();
         match tokio::time::timeout(most, answer).await {
             Ok(answer) => answer.map_err(|_| ended())?,
             Err(_) => Err(fault(
                 FaultKind::Device,
-                format!("{}: no shot within {:.0?}", self.address, asked.elapsed()),
+                format!(
+                    "{}: no shot within {:.0?}",
+                    self.address,
+                    self.clock.now().saturating_duration_since(asked)
+                ),
                 "unplug the device, or restart the daemon",
             )),
         }

@@ -6,6 +6,7 @@
 //! queues. Nothing here decides what a picture looks like: that is [`crate::develop`]'s.
 
 mod access;
+mod clock;
 mod counted;
 mod devices;
 mod light_table;
@@ -21,14 +22,15 @@ mod worker;
 
 pub use server::{DaemonError, bind};
 
-use crate::{api::Event, config::Config, store::Store};
+use crate::{api::Event, config::Config, session, store::Store};
+use clock::Clock;
 use devices::Devices;
 use metrics::Metrics;
 use std::{
     sync::{
         Arc,
         atomic::AtomicUsize,
-        mpsc::{SyncSender, sync_channel},
+        mpsc::{Receiver, SyncSender, sync_channel},
     },
     time::Duration,
 };
@@ -37,8 +39,8 @@ use tokio::{
     sync::{Semaphore, broadcast, watch},
 };
 
-/// Shots that memory holds at once: one that is developed, one that is taken.
-const SHOTS_IN_MEMORY: usize = 2;
+/// Shots that are developed at once. Besides these, memory holds one of each device: the one it takes.
+const DEVELOPING: usize = 1;
 /// Views that wait for the light table.
 const LOOKS: usize = 16;
 /// Events that a slow listener may be behind before it misses some.
@@ -53,10 +55,58 @@ struct State {
     events: broadcast::Sender<Event>,
     latest: watch::Sender<Option<String>>,
     places: Arc<Semaphore>,
+    /// Shots of kept frames that wait for a place.
     waiting: Arc<AtomicUsize>,
+    /// How many shots have begun and not ended.
+    underway: watch::Sender<usize>,
     commits: SyncSender<shooting::Commit>,
     looks: SyncSender<light_table::Look>,
     viewer: Option<viewer::Guard>,
+    clock: Arc<dyn Clock>,
+}
+
+/// What waits for the threads that work on shots.
+struct Waiting {
+    commits: Receiver<shooting::Commit>,
+    looks: Receiver<light_table::Look>,
+}
+
+impl State {
+    /// Starts the devices; nothing else runs yet.
+    fn start(
+        config: watch::Receiver<Arc<Config>>,
+        store: Store,
+        viewer: Option<viewer::Guard>,
+        clock: Arc<dyn Clock>,
+        open: &worker::Open,
+    ) -> Result<(Arc<Self>, Waiting), DaemonError> {
+        store.retain(&config.borrow().shots)?;
+        let latest = store.ids()?.into_iter().next();
+        let events = broadcast::Sender::new(EVENTS);
+        let devices = Devices::start(&config, &events, &clock, open)?;
+        let (commits, waiting_commits) = sync_channel(DEVELOPING);
+        let (looks, waiting_looks) = sync_channel(LOOKS);
+        let state = Arc::new(Self {
+            devices,
+            store,
+            metrics: Metrics::new(),
+            events,
+            latest: watch::Sender::new(latest),
+            places: Arc::new(Semaphore::new(DEVELOPING)),
+            waiting: Arc::default(),
+            underway: watch::Sender::new(0),
+            commits,
+            looks,
+            viewer,
+            config,
+            clock,
+        });
+        let waiting = Waiting {
+            commits: waiting_commits,
+            looks: waiting_looks,
+        };
+        Ok((state, waiting))
+    }
 }
 
 /// Where the daemon listens.
@@ -95,37 +145,21 @@ pub async fn serve(
     for found in recovered {
         tracing::warn!("left by an earlier daemon: {found:?}");
     }
-    store.retain(&now.shots)?;
-    let latest = store.ids()?.into_iter().next();
-    let events = broadcast::Sender::new(EVENTS);
-    let devices = Devices::start(&config, &events)?;
-    let (commits, waiting_commits) = sync_channel(SHOTS_IN_MEMORY);
-    let (looks, waiting_looks) = sync_channel(LOOKS);
     let viewer = match &listeners.viewer {
         Some(listener) => Some(viewer::Guard::new(
             listener.local_addr().map_err(DaemonError::Viewer)?,
         )?),
         None => None,
     };
-    let state = Arc::new(State {
-        devices,
-        store,
-        metrics: Metrics::new(),
-        events,
-        latest: watch::Sender::new(latest),
-        places: Arc::new(Semaphore::new(SHOTS_IN_MEMORY)),
-        waiting: Arc::default(),
-        commits,
-        looks,
-        viewer,
-        config,
-    });
+    let open: worker::Open = Arc::new(session::open);
+    let (state, waiting) = State::start(config, store, viewer, Arc::new(clock::Machine), &open)?;
+    let Waiting { commits, looks } = waiting;
     // Neither thread keeps the state, whose end is theirs.
     let developing = Arc::downgrade(&state);
     start_thread("darkroom", move || {
-        shooting::develop(&developing, &waiting_commits);
+        shooting::develop(&developing, &commits);
     })?;
-    start_thread("light table", move || light_table::run(&waiting_looks))?;
+    start_thread("light table", move || light_table::run(&looks))?;
     state.devices.opened().await;
     let page = state.viewer.as_ref().map(viewer::Guard::page);
     (signs.ready)(page.as_deref());
@@ -153,3 +187,6 @@ fn start_thread(name: &str, run: impl FnOnce() + Send + 'static) -> Result<(), D
         .map(drop)
         .map_err(DaemonError::Thread)
 }
+
+#[cfg(test)]
+mod rehearsal;

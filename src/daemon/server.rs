@@ -106,8 +106,9 @@ pub(super) async fn serve(
         let _ = leave.send(true);
     };
     tokio::join!(programs, browsers, stopping);
-    let shots = daemon.places.acquire_many(super::SHOTS_IN_MEMORY as u32);
-    if tokio::time::timeout(FAREWELL, shots).await.is_err() {
+    let mut underway = daemon.underway.subscribe();
+    let ended = underway.wait_for(|shots| *shots == 0);
+    if tokio::time::timeout(FAREWELL, ended).await.is_err() {
         tracing::warn!(
             "stopped with a shot unfinished; what is whole of it is salvaged at the next start"
         );

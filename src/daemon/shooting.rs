@@ -11,7 +11,7 @@ use crate::{
     config::Config,
     darkroom::{Answering, Asked},
     inference::{self, InferenceError},
-    output::{Existing, FRAMES},
+    output::{Destination, Existing, FRAMES},
     relight::networks::Variant,
     session::{self, Kept, SessionError, Taken},
 };
@@ -44,9 +44,25 @@ pub(super) struct Commit {
     step: watch::Sender<String>,
     done: oneshot::Sender<Result<ShotReply, Fault>>,
     asked_at: Instant,
-    /// Memory holds two shots at most: the one that is developed and the one that is taken.
     _place: OwnedSemaphorePermit,
     _committing: Option<Committing>,
+    _begun: Begun,
+}
+
+/// Counts a shot that has begun, until it is dropped.
+struct Begun(Arc<Daemon>);
+
+impl Begun {
+    fn new(daemon: &Arc<Daemon>) -> Self {
+        daemon.underway.send_modify(|shots| *shots += 1);
+        Self(Arc::clone(daemon))
+    }
+}
+
+impl Drop for Begun {
+    fn drop(&mut self) {
+        self.0.underway.send_modify(|shots| *shots -= 1);
+    }
 }
 
 /// Begins a shot. Everything that can be checked is checked before the flash fires.
@@ -87,23 +103,28 @@ pub(super) async fn begin(
     let (step, steps) = watch::channel("waiting for the camera".to_owned());
     let (done, became) = oneshot::channel();
     let daemon = Arc::clone(daemon);
+    let begun = Begun::new(&daemon);
     tokio::spawn(async move {
-        let asked_at = Instant::now();
+        let asked_at = daemon.clock.now();
         let taken = async {
-            let place = daemon.place(&config).await?;
+            let handle = daemon.devices.find(address.as_deref())?;
+            // A device that hangs keeps nobody waiting but those who wait for it.
+            let turn = handle.turn(&config).await?;
             // Those before this one may have filled the disk meanwhile.
             daemon
                 .store
                 .reserve(&config.shots)
                 .map_err(|error| error.fault())?;
-            let handle = daemon.devices.find(address.as_deref())?;
             if step.is_closed() {
                 return Err(refused("whoever asked has gone away"));
             }
             tracing::info!(device = %handle.address, by = %caller, "shot");
             step.send_replace("taking the shot".to_owned());
             let taken = handle.shoot(&config).await?;
-            Ok((place, taken, daemon.devices.committing(handle)))
+            let committing = daemon.devices.committing(handle);
+            let place = daemon.place().await?;
+            drop(turn);
+            Ok((place, taken, committing))
         };
         match taken.await {
             Ok((place, taken, committing)) => daemon.commit(Commit {
@@ -115,6 +136,7 @@ pub(super) async fn begin(
                 asked_at,
                 _place: place,
                 _committing: Some(committing),
+                _begun: begun,
             }),
             Err(fault) => daemon.failed(done, fault),
         }
@@ -150,10 +172,16 @@ pub(super) async fn begin_again(
     let (done, became) = oneshot::channel();
     let daemon = Arc::clone(daemon);
     let id = id.to_owned();
+    let begun = Begun::new(&daemon);
     tokio::spawn(async move {
-        let asked_at = Instant::now();
+        let asked_at = daemon.clock.now();
         let taken = async {
-            let place = daemon.place(&config).await?;
+            let waiting = Counted::new(&daemon.waiting);
+            if waiting.count() > config.limits.queue {
+                return Err(busy());
+            }
+            let place = daemon.place().await?;
+            drop(waiting);
             let capture = config.capture.clone();
             let read = tokio::task::spawn_blocking(move || {
                 let mut replay = Replay::open(&path).map_err(SessionError::from)?;
@@ -173,6 +201,7 @@ pub(super) async fn begin_again(
                 asked_at,
                 _place: place,
                 _committing: None,
+                _begun: begun,
             }),
             Err(fault) => daemon.failed(done, fault),
         }
@@ -184,19 +213,9 @@ pub(super) async fn begin_again(
 }
 
 impl Daemon {
-    /// Waits for one of the two places that memory has for shots.
-    async fn place(&self, config: &Config) -> Result<OwnedSemaphorePermit, Fault> {
-        let busy = || Fault {
-            kind: FaultKind::Daemon,
-            message: "busy: limits.queue shots wait already".to_owned(),
-            remedy: Some("ask again in a few seconds".to_owned()),
-        };
-        let waiting = Counted::new(&self.waiting);
-        if waiting.count() > config.limits.queue {
-            return Err(busy());
-        }
+    /// Waits until another shot can be developed.
+    async fn place(&self) -> Result<OwnedSemaphorePermit, Fault> {
         let place = Arc::clone(&self.places).acquire_owned().await;
-        drop(waiting);
         place.map_err(|_| busy())
     }
 
@@ -231,42 +250,45 @@ pub(super) fn develop(daemon: &Weak<Daemon>, commits: &std::sync::mpsc::Receiver
         let Some(daemon) = daemon.upgrade() else {
             return;
         };
-        let begun = std::panic::AssertUnwindSafe(|| keep(&daemon, &mut networks, &commit));
-        let kept = std::panic::catch_unwind(begun).unwrap_or_else(|_| {
-            networks = Networks::default();
-            Err(Fault {
-                kind: FaultKind::Daemon,
-                message: "the shot failed in the daemon".to_owned(),
-                remedy: Some("report this as a bug, with the daemon's log".to_owned()),
-            })
-        });
-        let Commit {
-            done,
-            asked_at,
-            taken,
-            ..
-        } = commit;
-        match kept {
-            Ok((id, kept)) => {
-                daemon.metrics.shots.inc();
-                daemon
-                    .metrics
-                    .shot_seconds
-                    .observe(asked_at.elapsed().as_secs_f64());
-                daemon.latest.send_replace(Some(id.clone()));
-                // Nobody may be listening.
-                let _ = daemon.events.send(Event::Committed { id: id.clone() });
-                tracing::info!(id, "committed");
-                drop(done.send(Ok(ShotReply {
-                    id,
-                    device: taken.info.address,
-                    files: kept.files,
-                    warnings: kept.warnings,
-                    shot: kept.manifest,
-                })));
-            }
-            Err(fault) => daemon.failed(done, fault),
+        develop_one(&daemon, &mut networks, commit);
+    }
+}
+
+/// Develops and commits one shot, and tells whoever asked and everybody else.
+pub(super) fn develop_one(daemon: &Daemon, networks: &mut Networks, commit: Commit) {
+    let begun = std::panic::AssertUnwindSafe(|| keep(daemon, networks, &commit));
+    let kept = std::panic::catch_unwind(begun).unwrap_or_else(|_| {
+        *networks = Networks::default();
+        Err(Fault {
+            kind: FaultKind::Daemon,
+            message: "the shot failed in the daemon".to_owned(),
+            remedy: Some("report this as a bug, with the daemon's log".to_owned()),
+        })
+    });
+    let Commit {
+        done,
+        asked_at,
+        taken,
+        ..
+    } = commit;
+    match kept {
+        Ok((id, kept)) => {
+            let took = daemon.clock.now().saturating_duration_since(asked_at);
+            daemon.metrics.shots.inc();
+            daemon.metrics.shot_seconds.observe(took.as_secs_f64());
+            daemon.latest.send_replace(Some(id.clone()));
+            // Nobody may be listening.
+            let _ = daemon.events.send(Event::Committed { id: id.clone() });
+            tracing::info!(id, "committed");
+            drop(done.send(Ok(ShotReply {
+                id,
+                device: taken.info.address,
+                files: kept.files,
+                warnings: kept.warnings,
+                shot: kept.manifest,
+            })));
         }
+        Err(fault) => daemon.failed(done, fault),
     }
 }
 
@@ -282,7 +304,7 @@ fn keep(
         step,
         ..
     } = commit;
-    let (id, folder) = daemon.store.next();
+    let (id, folder) = daemon.store.next(daemon.clock.date());
     let mut lights = wanted.lights.clone();
     let closed = Answering::Closed;
     let answering = match &mut lights {
@@ -297,15 +319,12 @@ fn keep(
     let mut observe = |words: &str| {
         step.send_replace(words.to_owned());
     };
-    let refuse = Existing::Refuse;
-    let kept = session::keep(
-        taken,
-        lights.as_ref(),
-        answering,
-        &folder,
-        refuse,
-        &mut observe,
-    );
+    let to = Destination {
+        disk: daemon.store.disk(),
+        folder: &folder,
+        existing: Existing::Refuse,
+    };
+    let kept = session::keep(taken, lights.as_ref(), answering, &to, &mut observe);
     let kept = kept.map_err(|error| error.fault())?;
     match daemon.store.count(&id, &config.shots) {
         Ok(gone) => {
@@ -362,6 +381,15 @@ async fn wanted(
             budget,
         },
     })
+}
+
+/// Too many wait already.
+pub(super) fn busy() -> Fault {
+    Fault {
+        kind: FaultKind::Daemon,
+        message: "busy: limits.queue shots wait already".to_owned(),
+        remedy: Some("ask again in a few seconds".to_owned()),
+    }
 }
 
 /// A request that makes no sense.

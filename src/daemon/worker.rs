@@ -1,7 +1,10 @@
 //! The thread that owns one device: it opens it, takes shots, lets people look through it, and opens
 //! it again when it was lost.
 
-use super::preview::{Preview, Previews};
+use super::{
+    clock::Clock,
+    preview::{Preview, Previews},
+};
 use crate::{
     api::{Fault, FaultKind, Phase},
     config::Config,
@@ -10,6 +13,7 @@ use crate::{
 use drivers::{Device, DeviceInfo, DriverError, Frame, Settings};
 use std::{
     panic::{AssertUnwindSafe, catch_unwind},
+    path::Path,
     sync::{
         Arc,
         mpsc::{Receiver, RecvTimeoutError},
@@ -46,7 +50,7 @@ pub(super) struct Pulse {
 
 impl Pulse {
     /// Before the device was opened.
-    pub fn first(address: &str) -> Self {
+    pub fn first(address: &str, at: Instant) -> Self {
         let driver = address.split(':').next().unwrap_or_default();
         Self {
             info: DeviceInfo {
@@ -59,7 +63,7 @@ impl Pulse {
             in_use: false,
             problem: Some("not opened yet".to_owned()),
             reconnects: 0,
-            at: Instant::now(),
+            at,
         }
     }
 }
@@ -71,7 +75,13 @@ pub(super) struct Worker {
     pub jobs: Receiver<Job>,
     pub pulse: watch::Sender<Pulse>,
     pub previews: Previews,
+    pub clock: Arc<dyn Clock>,
+    pub open: Open,
 }
+
+/// What opens the device at an address, with its measured rig where there is one.
+pub(super) type Open =
+    Arc<dyn Fn(&str, Option<&Path>) -> Result<Box<dyn Device>, SessionError> + Send + Sync>;
 
 impl Worker {
     /// Runs until nobody can ask for shots any more.
@@ -79,14 +89,19 @@ impl Worker {
         let mut wait = RETRY[0];
         loop {
             match self.open() {
-                Ok(device) => {
+                Ok((mut device, info)) => {
                     wait = RETRY[0];
-                    let info = device.info();
                     tracing::info!(device = %info.address, model = %info.model, "opened");
                     self.pulse.send_modify(|pulse| pulse.info = info);
-                    let Some(problem) = self.serve(device) else {
+                    let ended = self.serve(device.as_mut());
+                    // One that panics while it is closed is closed enough.
+                    let closed = catch_unwind(AssertUnwindSafe(|| drop(device)));
+                    let Some(problem) = ended else {
                         return;
                     };
+                    if closed.is_err() {
+                        tracing::warn!("{}: its driver failed while it was closed", self.address);
+                    }
                     self.lost(problem);
                 }
                 Err(problem) => {
@@ -103,35 +118,44 @@ impl Worker {
         }
     }
 
-    fn open(&self) -> Result<Box<dyn Device>, String> {
+    fn open(&self) -> Result<(Box<dyn Device>, DeviceInfo), String> {
         let config = Arc::clone(&self.config.borrow());
         let rig = config.rig_of(&self.address);
-        match catch_unwind(AssertUnwindSafe(|| session::open(&self.address, rig))) {
-            Ok(Ok(device)) => Ok(device),
-            Ok(Err(error)) => Err(error.to_string()),
-            Err(_) => Err(format!("{}: its driver failed", self.address)),
+        let opened = catch_unwind(AssertUnwindSafe(|| {
+            let device = (self.open)(&self.address, rig)?;
+            let info = device.info();
+            Ok::<_, SessionError>((device, info))
+        }));
+        match opened {
+            Ok(opened) => opened.map_err(|error| error.to_string()),
+            Err(_) => Err(self.failed()),
         }
     }
 
+    /// In words, after a panic.
+    fn failed(&self) -> String {
+        format!("{}: its driver failed", self.address)
+    }
+
     /// Does what is asked for until the device is lost, and says how; `None` when all is over.
-    fn serve(&self, mut device: Box<dyn Device>) -> Option<String> {
+    fn serve(&self, device: &mut dyn Device) -> Option<String> {
         loop {
             self.say(Phase::Idle, false);
-            let job = match self.jobs.recv_timeout(BREATH) {
+            let job = match self.clock.hear(&self.jobs, BREATH) {
                 Ok(job) => Some(job),
                 Err(RecvTimeoutError::Timeout) => None,
                 Err(RecvTimeoutError::Disconnected) => return None,
             };
             // A driver that panics fails its own shot and nothing else.
             let done = catch_unwind(AssertUnwindSafe(|| match job {
-                Some(job) => self.shoot(device.as_mut(), job),
-                None if self.previews.wanted() => self.preview(device.as_mut()),
+                Some(job) => self.shoot(device, job),
+                None if self.previews.wanted() => self.preview(device),
                 None => device.presence().err().map(|gone| gone.to_string()),
             }));
             match done {
                 Ok(None) => {}
                 Ok(Some(problem)) => return Some(problem),
-                Err(_) => return Some(format!("{}: its driver failed", self.address)),
+                Err(_) => return Some(self.failed()),
             }
         }
     }
@@ -144,13 +168,21 @@ impl Worker {
         }
         let capture = self.config.borrow().capture.clone();
         self.say(Phase::Armed, true);
-        let taken = session::take_watched(device, &capture, &mut |frames| {
+        let now = || self.clock.now();
+        let mut alive = |frames| {
             let phase = match frames {
                 0 => Phase::Armed,
                 _ => Phase::Bracketing,
             };
             self.say(phase, true);
-        });
+        };
+        let taken = catch_unwind(AssertUnwindSafe(|| {
+            session::take_watched(device, &capture, &now, &mut alive)
+        }));
+        let Ok(taken) = taken else {
+            drop(job.reply.send(Err(away(self.failed()))));
+            return Some(self.failed());
+        };
         self.say(Phase::Idle, false);
         let lost = match &taken {
             Err(SessionError::Device(error)) if is_loss(error) => Some(error.to_string()),
@@ -173,7 +205,8 @@ impl Worker {
             is_loss(&error).then(|| error.to_string())
         };
         self.say(Phase::Armed, true);
-        let mut heard = Instant::now();
+        let mut heard = self.clock.now();
+        let elapsed = |since: Instant| self.clock.now().saturating_duration_since(since);
         let mut stream = match device.start(&settings) {
             Ok(stream) => stream,
             Err(error) => {
@@ -188,15 +221,15 @@ impl Worker {
             self.say(Phase::Armed, true);
             match stream.next_frame(BREATH) {
                 Ok(Frame::Color(frame)) => {
-                    let early = PREVIEW_PERIOD.saturating_sub(heard.elapsed());
+                    let early = PREVIEW_PERIOD.saturating_sub(elapsed(heard));
                     if !early.is_zero() && early < PREVIEW_PERIOD {
-                        std::thread::sleep(early);
+                        self.clock.sleep(early);
                     }
-                    heard = Instant::now();
+                    heard = self.clock.now();
                     self.previews.show(Preview::of(frame));
                 }
                 Ok(Frame::Depth(_)) => {}
-                Err(DriverError::Timeout { .. }) if heard.elapsed() < capture.patience() => {}
+                Err(DriverError::Timeout { .. }) if elapsed(heard) < capture.patience() => {}
                 // A recording begins again.
                 Err(DriverError::Ended { .. }) => break None,
                 Err(error) => break refused(error),
@@ -209,22 +242,18 @@ impl Worker {
 
     /// Refuses shots while the device is away, for so long; false when all is over.
     fn refuse_for(&self, wait: Duration) -> bool {
-        let until = Instant::now() + wait;
+        let until = self.clock.now() + wait;
         loop {
             self.pulse.send_if_modified(|pulse| {
-                pulse.at = Instant::now();
+                pulse.at = self.clock.now();
                 false
             });
-            let left = until.saturating_duration_since(Instant::now());
-            match self.jobs.recv_timeout(left.min(BREATH)) {
+            let left = until.saturating_duration_since(self.clock.now());
+            match self.clock.hear(&self.jobs, left.min(BREATH)) {
                 Ok(job) => {
                     let problem = self.pulse.borrow().problem.clone();
-                    let fault = Fault {
-                        kind: FaultKind::Device,
-                        message: problem.unwrap_or_else(|| format!("{}: lost", self.address)),
-                        remedy: Some("it is opened again as soon as it is back".to_owned()),
-                    };
-                    drop(job.reply.send(Err(fault)));
+                    let problem = problem.unwrap_or_else(|| format!("{}: lost", self.address));
+                    drop(job.reply.send(Err(away(problem))));
                 }
                 Err(RecvTimeoutError::Disconnected) => return false,
                 Err(RecvTimeoutError::Timeout) if left <= BREATH => break,
@@ -238,7 +267,7 @@ impl Worker {
     /// Says what the device does; watchers wake only when that is something else.
     fn say(&self, phase: Phase, in_use: bool) {
         self.pulse.send_if_modified(|pulse| {
-            pulse.at = Instant::now();
+            pulse.at = self.clock.now();
             let news = pulse.phase != phase || pulse.in_use != in_use || pulse.problem.is_some();
             (pulse.phase, pulse.in_use, pulse.problem) = (phase, in_use, None);
             news
@@ -248,9 +277,18 @@ impl Worker {
     fn lost(&self, problem: String) {
         self.previews.refuse(problem.clone());
         self.pulse.send_modify(|pulse| {
-            (pulse.at, pulse.phase, pulse.in_use) = (Instant::now(), Phase::Degraded, false);
+            (pulse.at, pulse.phase, pulse.in_use) = (self.clock.now(), Phase::Degraded, false);
             pulse.problem = Some(problem);
         });
+    }
+}
+
+/// What a client hears of a device that is lost.
+fn away(problem: String) -> Fault {
+    Fault {
+        kind: FaultKind::Device,
+        message: problem,
+        remedy: Some("it is opened again as soon as it is back".to_owned()),
     }
 }
 

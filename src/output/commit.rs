@@ -79,6 +79,17 @@ pub enum Existing {
     Replace,
 }
 
+/// Where a folder goes.
+#[derive(Clone, Copy)]
+pub struct Destination<'a> {
+    /// On which file system.
+    pub disk: &'a dyn FileSystem,
+    /// Under which name.
+    pub folder: &'a Path,
+    /// What happens to a folder of that name.
+    pub existing: Existing,
+}
+
 /// One file as it was written.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -11,7 +11,7 @@ pub mod sheet;
 mod staged_file;
 pub mod tone;
 
-pub use commit::{CommitError, Existing, FileEntry, JOURNAL, Staging, UNFINISHED};
+pub use commit::{CommitError, Destination, Existing, FileEntry, JOURNAL, Staging, UNFINISHED};
 pub use exr::{EncodeError, Precision};
 pub use file_system::{Disk, FileSystem, NewFile};
 pub use manifest::{LightEntry, Manifest, ManifestError};

@@ -5,7 +5,7 @@ use crate::{
     api::CheckedLights,
     darkroom::{self, Answering, Order, Source},
     output::{
-        CommitError, Disk, Existing, FRAMES, Manifest, OutputError, Staging, manifest::MANIFEST,
+        CommitError, Destination, FRAMES, Manifest, OutputError, Staging, manifest::MANIFEST,
     },
 };
 use drivers::{DriverError, Frame, recording::Writer};
@@ -22,7 +22,7 @@ pub struct Kept {
     pub manifest: Manifest,
 }
 
-/// Writes the frames of a shot, and with `lights` what it looks like under them, into `folder`;
+/// Writes the frames of a shot, and with `lights` what it looks like under them, to where `to` says;
 /// by what `answering` says.
 ///
 /// `observe` hears what is being done.
@@ -34,13 +34,12 @@ pub fn keep(
     taken: &Taken,
     lights: Option<&CheckedLights>,
     answering: &Answering,
-    folder: &Path,
-    existing: Existing,
+    to: &Destination<'_>,
     observe: &mut dyn FnMut(&str),
 ) -> Result<Kept, SessionError> {
     let frames = recording_of(taken)?;
     let manifest = match lights {
-        None => keep_frames(taken, &frames, folder, existing)?,
+        None => keep_frames(taken, &frames, to)?,
         Some(lights) => {
             let order = Order {
                 shot: &taken.shot,
@@ -57,7 +56,7 @@ pub fn keep(
                 warnings: lights.warnings.clone(),
                 attachments: &[(FRAMES, &frames)],
             };
-            darkroom::print(&order, folder, existing, observe)?
+            darkroom::print(&order, to, observe)?
         }
     };
     let files = manifest.files.iter().map(|file| file.name.clone());
@@ -72,10 +71,9 @@ pub fn keep(
 fn keep_frames(
     taken: &Taken,
     frames: &[u8],
-    folder: &Path,
-    existing: Existing,
+    to: &Destination<'_>,
 ) -> Result<Manifest, SessionError> {
-    let mut staging = Staging::begin(&Disk, folder, existing, |name| {
+    let mut staging = Staging::begin(to.disk, to.folder, to.existing, |name| {
         name == FRAMES || name == MANIFEST
     })?
     .journaled()?;

@@ -30,28 +30,30 @@ const BREATH: Duration = Duration::from_millis(500);
 /// [`SessionError::Device`] when the device fails or is silent for longer than its patience;
 /// [`SessionError::NoShot`] when it streams past the deadline, or ends, without a whole shot.
 pub fn take(device: &mut dyn Device, capture: &Capture) -> Result<Taken, SessionError> {
-    take_watched(device, capture, &mut |_| {})
+    take_watched(device, capture, &Instant::now, &mut |_| {})
 }
 
-/// [`take`]; `alive` is called with the number of frames so far, at least every half second for as
-/// long as the device keeps its patience.
+/// [`take`] by the clock of `now`; `alive` is called with the number of frames so far, at least every
+/// half second for as long as the device keeps its patience.
 ///
 /// # Errors
 /// As [`take`].
 pub fn take_watched(
     device: &mut dyn Device,
     capture: &Capture,
+    now: &dyn Fn() -> Instant,
     alive: &mut dyn FnMut(u64),
 ) -> Result<Taken, SessionError> {
     let settings = capture.settings();
     let info = device.info();
     let mut assembler = Assembler::new(device.rig(), Limits::default());
-    let started = Instant::now();
+    let started = now();
+    let since = |moment: Instant| now().saturating_duration_since(moment);
     let mut heard = started;
     let mut frames = 0;
     let mut stream = device.start(&settings)?;
     let shot = loop {
-        let left = capture.deadline().saturating_sub(started.elapsed());
+        let left = capture.deadline().saturating_sub(since(started));
         if left.is_zero() {
             break None;
         }
@@ -59,14 +61,14 @@ pub fn take_watched(
         match stream.next_frame(capture.patience().min(left).min(BREATH)) {
             Ok(frame) => {
                 frames += 1;
-                heard = Instant::now();
+                heard = now();
                 if let Some(shot) = assembler.push(frame) {
                     break Some(shot);
                 }
             }
             Err(DriverError::Ended { .. }) => break assembler.finish().into_iter().next(),
             // A stream may be asked again after a silence; how long in all, the owner decides.
-            Err(DriverError::Timeout { .. }) if heard.elapsed() < capture.patience() => {}
+            Err(DriverError::Timeout { .. }) if since(heard) < capture.patience() => {}
             Err(DriverError::Timeout { device, .. }) => {
                 let patience = capture.patience();
                 return Err(DriverError::Timeout { device, patience }.into());
@@ -76,7 +78,7 @@ pub fn take_watched(
     };
     drop(stream);
     let drops = *assembler.drops();
-    let waited = started.elapsed();
+    let waited = since(started);
     let shot = shot.ok_or_else(|| SessionError::NoShot {
         device: info.address.clone(),
         waited,

@@ -185,11 +185,14 @@ impl Store {
         self.used.load(Ordering::Relaxed)
     }
 
-    /// A name for a new shot, later than all before it, and the folder it will be.
-    pub fn next(&self) -> (String, PathBuf) {
-        let now = SystemTime::now()
-            .duration_since(UNIX_EPOCH)
-            .unwrap_or_default();
+    /// The file system it lies on.
+    pub fn disk(&self) -> &dyn FileSystem {
+        &*self.disk
+    }
+
+    /// A name for a new shot of this date, later than all before it, and the folder it will be.
+    pub fn next(&self, date: SystemTime) -> (String, PathBuf) {
+        let now = date.duration_since(UNIX_EPOCH).unwrap_or_default();
         let now = u64::try_from(now.as_millis()).unwrap_or(u64::MAX);
         let later = |newest: u64| now.max(newest + 1);
         let before = self
@@ -293,7 +296,7 @@ mod tests {
         let state = tempfile::tempdir().unwrap();
         std::fs::write(state.path().join("secret"), "s").unwrap();
         let (store, _) = Store::open(state.path()).unwrap();
-        let (id, folder) = store.next();
+        let (id, folder) = store.next(SystemTime::now());
         std::fs::create_dir(&folder).unwrap();
         std::fs::write(folder.join("shot.json"), "{}").unwrap();
         std::os::unix::fs::symlink(state.path().join("secret"), folder.join("link")).unwrap();
@@ -336,7 +339,8 @@ mod tests {
         let far = state.path().join("shots/shot-9000000000000");
         std::fs::create_dir_all(&far).unwrap();
         let (store, _) = Store::open(state.path()).unwrap();
-        let names: std::collections::BTreeSet<_> = (0..1000).map(|_| store.next().0).collect();
+        let names: std::collections::BTreeSet<_> =
+            (0..1000).map(|_| store.next(SystemTime::now()).0).collect();
         assert_eq!(names.len(), 1000);
         assert_eq!(names.first().unwrap(), "shot-9000000000001");
     }

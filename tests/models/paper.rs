@@ -5,7 +5,7 @@ use captured::{config::Config, session};
 use captured::{
     darkroom::{self, Answering, Order, Source},
     develop::{Options, develop},
-    output::{Existing, Manifest},
+    output::{Destination, Disk, Existing, Manifest},
     relight::{Lamp, networks::Variant},
 };
 use drivers::open::open;
@@ -34,7 +34,12 @@ fn a_folder_of_the_papers_tier_says_which_networks_made_it() {
         warnings: Vec::new(),
         attachments: &[],
     };
-    darkroom::print(&order, &out, Existing::Refuse, &mut |_| {}).unwrap();
+    let to = Destination {
+        disk: &Disk,
+        folder: &out,
+        existing: Existing::Refuse,
+    };
+    darkroom::print(&order, &to, &mut |_| {}).unwrap();
     let manifest = Manifest::verify(&out).unwrap();
     assert_eq!(manifest.report["tier"], "paper");
     let networks = manifest.report["networks"].as_array().unwrap();

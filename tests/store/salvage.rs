@@ -96,7 +96,7 @@ fn a_shot_that_may_not_fit_is_refused_beforehand_and_none_is_deleted_unasked() {
     };
     store.reserve(&unlimited).unwrap();
     for _ in 0..4 {
-        let (id, _) = store.next();
+        let (id, _) = store.next(std::time::SystemTime::now());
         scenario::commit(&Disk, store.folder(), &id).unwrap();
         assert!(store.count(&id, &unlimited).unwrap().is_empty());
     }

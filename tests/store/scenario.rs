@@ -76,7 +76,7 @@ pub fn run(disk: &Arc<dyn FileSystem>, folder: &Path, tell: &mut dyn FnMut(&str)
         Err(error) => return vec![error.to_string()],
     };
     let mut shoot = |errors: &mut Vec<String>| {
-        let (id, _) = store.next();
+        let (id, _) = store.next(std::time::SystemTime::now());
         match commit(&**disk, folder, &id) {
             Ok(()) => tell(&format!("committed {id}")),
             Err(error) => errors.push(error),
