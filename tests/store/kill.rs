@@ -3,7 +3,8 @@
 use crate::scenario::{self, Acknowledged};
 use captured::output::{Disk, FileSystem, NewFile};
 use std::{
-    io::{self, Read, Write},
+    io::{self, BufRead, BufReader, Read, Write},
+    os::unix::process::ExitStatusExt as _,
     path::Path,
     process::{Command, Stdio},
     sync::{
@@ -15,18 +16,21 @@ use std::{
 /// Which call the child dies at; without it the child test has nothing to do.
 const DIE_AT: &str = "CAPTURED_DIE_AT";
 const FOLDER: &str = "CAPTURED_DIE_IN";
+const REACHED: &str = "the point is reached";
 
-/// The real disk under a process that dies by its own hand: before a call, in the middle of a
-/// write, or right after a call.
+/// The real disk under a process that is killed before a call, in the middle of a write, or right after
+/// a call.
 struct Dying {
     left: AtomicUsize,
 }
 
+/// Says that the point is reached and does nothing more, until whoever started this process kills it.
 fn die() -> ! {
-    let me = std::process::id().to_string();
-    // The shell outlives this process; nothing here runs any more once it has spoken.
-    drop(Command::new("kill").args(["-KILL", &me]).status());
-    std::process::abort();
+    let words = format!("{REACHED}\n");
+    io::stdout().write_all(words.as_bytes()).unwrap();
+    loop {
+        std::thread::park();
+    }
 }
 
 impl Dying {
@@ -132,17 +136,34 @@ fn child() {
     });
 }
 
-/// Runs a process that dies at the given point; false when it ended by itself.
+/// Runs a process and kills it at the given point; false when it ended by itself.
 fn killed(folder: &Path, at: usize) -> bool {
-    let status = Command::new(std::env::current_exe().unwrap())
-        .args(["kill::child", "--exact", "--ignored", "--quiet"])
+    let mut child = Command::new(std::env::current_exe().unwrap())
+        .args([
+            "kill::child",
+            "--exact",
+            "--ignored",
+            "--quiet",
+            "--nocapture",
+        ])
         .env(DIE_AT, at.to_string())
         .env(FOLDER, folder)
-        .stdout(Stdio::null())
+        .stdout(Stdio::piped())
         .stderr(Stdio::null())
-        .status()
+        .spawn()
         .unwrap();
-    !status.success()
+    let said = BufReader::new(child.stdout.take().unwrap());
+    let reached = said
+        .lines()
+        .map_while(Result::ok)
+        .any(|line| line.ends_with(REACHED));
+    if reached {
+        child.kill().unwrap();
+    }
+    let status = child.wait().unwrap();
+    assert_eq!(status.signal() == Some(9), reached);
+    assert!(reached || status.success(), "the child failed: {status}");
+    reached
 }
 
 /// Kills at every `stride`-th point, once and again while the next process recovers and goes on.
