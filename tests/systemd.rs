@@ -86,3 +86,80 @@ fn nothing_in_the_service_makes_every_caller_look_the_same_or_hides_the_lamps() 
         assert!(settings.contains(&needed), "{needed}");
     }
 }
+
+#[test]
+fn what_is_installed_is_whole_runs_from_where_the_units_say_and_keeps_the_owners_configuration() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    let install = || {
+        let output = Command::new(env!("CARGO_BIN_EXE_capturectl"))
+            .args(["install", "--prefix", "/usr", "--destdir"])
+            .arg(root)
+            .output()
+            .unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{said}");
+    };
+    install();
+    for name in [
+        "etc/captured/captured.toml",
+        "usr/bin/captured",
+        "usr/bin/capturectl",
+        "usr/lib/systemd/system/captured.service",
+        "usr/lib/systemd/system/captured.socket",
+        "usr/lib/systemd/system/captured-viewer.socket",
+        "usr/lib/sysusers.d/captured.conf",
+        "usr/lib/tmpfiles.d/captured.conf",
+        "usr/lib/udev/rules.d/60-captured.rules",
+        "usr/share/bash-completion/completions/capturectl",
+        "usr/share/captured/captured.toml",
+        "usr/share/man/man1/capturectl.1",
+    ] {
+        let length = std::fs::metadata(root.join(name)).expect(name).len();
+        assert!(length > 0, "{name} is empty");
+    }
+    // Every program that a unit starts is there and runs.
+    let units = root.join("usr/lib/systemd/system");
+    let service = std::fs::read_to_string(units.join("captured.service")).unwrap();
+    let programs: Vec<&str> = service
+        .lines()
+        .filter_map(|line| line.strip_prefix("Exec")?.split_once('='))
+        .filter_map(|(_, command)| command.split(' ').next())
+        .filter(|program| program.contains("captur"))
+        .collect();
+    assert!(programs.len() >= 2, "{service}");
+    for program in programs {
+        let found = root.join(program.trim_start_matches('/'));
+        let ran = Command::new(&found)
+            .arg("--version")
+            .output()
+            .expect(program);
+        assert!(ran.status.success(), "{program}");
+    }
+    for unit in [
+        "captured.service",
+        "captured.socket",
+        "captured-viewer.socket",
+    ] {
+        let path = units.join(unit);
+        if let Some(text) = analyze(&["verify", "--man=no", path.to_str().unwrap()]) {
+            let complaints = text
+                .lines()
+                .filter(|line| line.contains("captured") && !line.contains("is not executable"));
+            assert_eq!(complaints.count(), 0, "{text}");
+        }
+    }
+    // Once more, over what runs: what the owner changed stays.
+    let config = root.join("etc/captured/captured.toml");
+    std::fs::write(&config, "[limits]\nlights = 3\n").unwrap();
+    install();
+    assert_eq!(
+        std::fs::read_to_string(&config).unwrap(),
+        "[limits]\nlights = 3\n"
+    );
+    let left: Vec<_> = std::fs::read_dir(root.join("usr/bin"))
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name())
+        .collect();
+    assert_eq!(left.len(), 2, "{left:?}");
+}

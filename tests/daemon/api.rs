@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Write};
 
 /// Server-sent events of one request, until they end: name and data.
-fn events(
+pub fn events(
     daemon: &Daemon,
     method: &str,
     path: &str,

@@ -1,6 +1,7 @@
 //! The daemon as its clients meet it: a process behind a Unix socket.
 
 mod api;
+mod measured;
 mod reliability;
 mod requests;
 mod shots;
@@ -92,9 +93,18 @@ impl Daemon {
 
     /// Memory that it holds.
     pub fn resident_bytes(&self) -> u64 {
+        self.bytes_of("VmRSS:")
+    }
+
+    /// The most memory that it ever held.
+    pub fn peak_bytes(&self) -> u64 {
+        self.bytes_of("VmHWM:")
+    }
+
+    fn bytes_of(&self, name: &str) -> u64 {
         let status =
             std::fs::read_to_string(format!("/proc/{}/status", self.process.id())).unwrap();
-        let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
+        let line = status.lines().find_map(|line| line.strip_prefix(name));
         let kibibytes = line.unwrap().trim().trim_end_matches(" kB").parse::<u64>();
         kibibytes.unwrap() << 10
     }
@@ -157,7 +167,10 @@ impl Daemon {
 
     /// Sends bytes as they are and returns the status, head and body of the answer.
     pub fn ask_bytes(&self, request: &[u8]) -> (u16, String, Vec<u8>) {
-        let mut stream = self.connect();
+        Self::exchange(self.connect(), request)
+    }
+
+    fn exchange(mut stream: UnixStream, request: &[u8]) -> (u16, String, Vec<u8>) {
         // A daemon that has heard enough may close before everything is sent.
         drop(stream.write_all(request));
         let mut answer = Vec::new();
@@ -185,6 +198,24 @@ impl Daemon {
             status,
             serde_json::from_str(&body).unwrap_or(serde_json::Value::Null),
         )
+    }
+
+    /// [`Self::send`] for what takes long: an answer is waited for so many seconds.
+    pub fn send_for(
+        &self,
+        seconds: u64,
+        method: &str,
+        path: &str,
+        body: &str,
+    ) -> (u16, serde_json::Value) {
+        let stream = self.connect();
+        stream
+            .set_read_timeout(Some(Duration::from_secs(seconds)))
+            .unwrap();
+        let (status, _, body) =
+            Self::exchange(stream, Self::request(method, path, body).as_bytes());
+        let json = serde_json::from_slice(&body);
+        (status, json.unwrap_or(serde_json::Value::Null))
     }
 
     /// Runs `capturectl` where it finds this daemon; returns exit code, output and messages.

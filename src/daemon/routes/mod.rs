@@ -8,7 +8,7 @@ use super::State as Daemon;
 use crate::api::{self, Fault, FaultKind};
 use axum::{
     Json, Router,
-    body::HttpBody as _,
+    body::{Bytes, HttpBody as _},
     extract::{DefaultBodyLimit, Request, State},
     http::{StatusCode, header},
     middleware::{self, Next},
@@ -49,18 +49,16 @@ pub(super) fn api(daemon: &Arc<Daemon>) -> Router {
         .routes(routes!(events::events))
         .routes(routes!(events::metrics))
         .split_for_parts();
-    let text: Arc<str> = document.to_json().unwrap_or_default().into();
+    // One for all: each client that asks for it and never reads would hold a copy of its own.
+    let text = Bytes::from(document.to_json().unwrap_or_default());
     let known: Arc<str> = addresses(&document).into();
     let lost = move |request: Request| unknown(request, known.clone());
     router
         .route(
             "/v1/openapi.json",
-            get(move || async move {
-                (
-                    [(header::CONTENT_TYPE, "application/json")],
-                    text.to_string(),
-                )
-            }),
+            get(
+                move || async move { ([(header::CONTENT_TYPE, "application/json")], text.clone()) },
+            ),
         )
         .fallback(lost.clone())
         .method_not_allowed_fallback(lost)
