@@ -151,7 +151,7 @@ fn answering(compact: &Compact) -> Result<[Line; 2], NetworkError> {
     };
     debug_assert_eq!(GRIDS[1] * GRIDS[1], MOST_PIXELS);
     Ok([
-        line(compact.surfaces.as_ref(), "sight", 16, &["turn"])?,
+        line(compact.surfaces.as_ref(), "sight", 16, &["factor"])?,
         line(compact.light.as_ref(), "lamp", 17, &["weight"])?,
     ])
 }

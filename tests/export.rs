@@ -105,7 +105,7 @@ fn gltf_is_a_mesh_in_metres_with_three_textures_that_hold_something() {
         let [a, b, c] = numbers.map(|number| depths[number]);
         assert!(a == b && b == c, "{a} {b} {c}");
         let [a, b, c] = numbers.map(|number| {
-            let at = |axis| float(positions, 12 * number + 4 * axis);
+            let at = |axis: usize| float(positions, 12 * number + 4 * axis);
             Vec3::new(at(0), at(1), at(2))
         });
         assert!((b - a).cross(c - a).z > 0.0);

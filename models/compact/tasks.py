@@ -39,7 +39,7 @@ class Surfaces:
 
     name = "surfaces"
     given = {"sight": 16}
-    outputs = {"turn": 3, "factor": 3, "roughness": 1}
+    outputs = {"factor": 3, "roughness": 1}
     names = ["sight", "truth.albedo", "truth.normal", "truth.roughness", "truth.depth"]
 
     def __init__(self, **shape):

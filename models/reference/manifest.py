@@ -19,7 +19,6 @@ SIGNALS = {
     "roughness": ("Karis 2013", 0, 1),
     "sight": ("a scene in closed form, see src/relight/networks/compact/sight.rs; what leaves 0 to 1 is a normal, depth or amplitude", -2, 2),
     "lamp": ("a scene under a lamp in closed form, see src/relight/networks/compact/light.rs; what leaves 0 to 1 is a direction or depth", -2, 2),
-    "turn": ("what is added to the unit normal; x right, y up, z toward the camera", -2, 2),
     "factor": ("logarithm of what the albedo is multiplied with", -4, 4),
     "weight": ("how far to believe `shadow` instead of the sweep", 0, 1),
     "bounced": ("what is added to the light that is bounced onto a surface; white Lambertian facing the lamp = 1", -1, 1),

@@ -48,8 +48,11 @@ pub(super) fn encoded(prepared: &Prepared) -> Vec<u8> {
         let light = prepared.relight(lamp, RelightOptions::default()).light.0;
         let pixels = fitted.par_iter_mut().zip(&mut mean).zip(light.samples());
         pixels.for_each(|((fitted, mean), light)| {
-            // As it is shown: viewers put the bytes on the screen. NaN becomes 0.
-            let light = light.map(|value| srgb_encode(value.max(0.0).min(1.0)));
+            // As it is shown: viewers put the bytes on the screen, and what is unknown is black.
+            let light = light.map(|value| {
+                let known = if value.is_nan() { 0.0 } else { value };
+                srgb_encode(known.clamp(0.0, 1.0))
+            });
             let brightness = light.iter().sum::<f32>() / 3.0;
             for (term, weight) in fitted.iter_mut().zip(weights.iter()) {
                 *term += weight * brightness;

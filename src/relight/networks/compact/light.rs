@@ -154,10 +154,15 @@ impl Correction {
         for (index, (light, shadow)) in pixels.enumerate() {
             let weight = finite(weight.samples()[index]).clamp(0.0, 1.0);
             let told = finite(told.samples()[index]).clamp(0.0, 1.0);
-            // NaN stays NaN, and what is turned away has no direct light to add.
-            let step = weight * (told - *shadow);
-            *shadow += step;
             let direct = swept.direct.samples()[index];
+            // NaN stays NaN, and what is turned away stays dark.
+            let faces = direct.iter().sum::<f32>() > 0.0;
+            let step = if faces {
+                weight * (told - *shadow)
+            } else {
+                0.0
+            };
+            *shadow += step;
             let bounced = bounced.samples()[index];
             *light = std::array::from_fn(|c| {
                 let more = step * direct[c] + albedo[c][index] * finite(bounced[c]);

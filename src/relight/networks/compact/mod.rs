@@ -18,7 +18,7 @@ use super::{Network, NetworkRecord, grid::Grid};
 
 /// Both networks.
 pub struct Compact {
-    /// sight → turn, factor, roughness.
+    /// sight → factor, roughness.
     pub surfaces: Box<dyn Network>,
     /// lamp → weight, shadow, bounced.
     pub light: Box<dyn Network>,
