@@ -3,7 +3,7 @@
 use crate::{
     develop::{DevelopError, Options, Stage, develop_light, work_out},
     inference::InferenceError,
-    parsimony::{Bounced, CostModel, Geometry, Glance, ModelError, Shadow, Terms, cost::Line},
+    parsimony::{Bounced, CostModel, Geometry, Glance, Shadow, Terms, cost::Line},
     radiometry::{self, SubtractOptions},
     relight::{
         Lamp, RelightOptions, Shadows,
@@ -54,9 +54,6 @@ pub enum CostError {
     /// It could not be developed.
     #[error(transparent)]
     Develop(#[from] DevelopError),
-    /// It could not be looked at.
-    #[error(transparent)]
-    Model(#[from] ModelError),
 }
 
 /// Costs as kept in a file.
@@ -330,7 +327,7 @@ fn steps(width: usize) -> Result<Steps, CostError> {
         let mut runs = Vec::new();
         for _ in 0..RUNS {
             let began = Instant::now();
-            Glance::at(&shot, &flash_only, &base, None)?;
+            Glance::at(&shot, &flash_only, &base)?;
             runs.push(milliseconds(began.elapsed()));
         }
         least(runs)

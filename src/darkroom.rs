@@ -14,7 +14,7 @@ use crate::{
     develop::{DevelopError, Development, Stage},
     inference::InferenceError,
     output::{Destination, Manifest, OutputError, RelitView, Results, Tone, sheet::Panel, write},
-    parsimony::{ModelError, TooLittleTime},
+    parsimony::TooLittleTime,
     radiometry::{SubtractionReport, linearise},
     relight::{Environment, Lamp, Relit, networks::NetworkError},
     shot::{DropCounts, Shot},
@@ -81,15 +81,6 @@ pub enum DarkroomError {
     Network(#[from] NetworkError),
     #[error(transparent)]
     Output(#[from] OutputError),
-}
-
-impl From<ModelError> for DarkroomError {
-    fn from(error: ModelError) -> Self {
-        match error {
-            ModelError::Develop(error) => Self::Develop(error),
-            ModelError::Network(error) => Self::Network(error),
-        }
-    }
 }
 
 impl DarkroomError {

@@ -11,7 +11,7 @@ pub use working_grid::reduced;
 use crate::{
     radiometry::{self, FlashOnly, LinearImage, RadiometryError, SubtractOptions},
     registration::{self, RegisteredDepth, RegistrationError, RigMaps},
-    relight::{Preparation, Prepared, enlarge::Mix, networks::compact::Sight},
+    relight::{Preparation, Prepared, enlarge::Mix},
     scene::{self, Scene, SceneError, SceneOptions},
     shot::Shot,
 };
@@ -219,11 +219,6 @@ impl<'a> Grid<'a> {
             registered,
             rig,
         })
-    }
-
-    /// What the compact network of surfaces is fed of a scene on this grid.
-    pub fn sight<'b>(&'b self, scene: &'b Scene, shot: &Shot) -> Sight<'b> {
-        development::sight(scene, &self.light.light, &self.registered, shot)
     }
 
     /// The surfaces on this grid.

@@ -4,7 +4,6 @@
 use captured::{
     corruption::Corruption,
     develop::Options,
-    inference,
     parsimony::{
         CostModel, Criterion, Geometry, Glance, Model, Plan, Shadow, Terms, Workload, cost::Line,
     },
@@ -47,8 +46,7 @@ fn costs() -> CostModel {
 fn chosen(shot: &Shot) -> (Terms, Glance) {
     let base = Options::default();
     let light = radiometry::subtract(&shot.flash, &shot.ambient, &base.subtract).unwrap();
-    let networks = inference::load_compact(&inference::Settings::default()).unwrap();
-    let glance = Glance::at(shot, &light, &base, Some(&networks)).unwrap();
+    let glance = Glance::at(shot, &light, &base).unwrap();
     let work = Workload {
         pixels: light.light.0.len(),
         working_pixels: base.working_pixels,

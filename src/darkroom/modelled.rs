@@ -80,25 +80,15 @@ pub(super) fn modelled(
     let flash_only =
         radiometry::subtract(&shot.flash, &shot.ambient, &subtract).map_err(DevelopError::from)?;
     refuse_without_flash(order, &flash_only.report)?;
-    let mut networks = None;
     let (plan, glance, evidence) = match order.answering {
         Answering::Closed | Answering::Compact(_) | Answering::Paper(_) => {
             (Plan::closed(work), Glance::nothing_known(), None)
         }
         Answering::Auto(auto) => {
-            // Whoever counts milliseconds has none for networks that may not be needed.
-            if let (Some(load), None) = (&auto.networks, auto.budget) {
-                clock.begin("load networks");
-                networks = Some(load()?);
-            }
             clock.begin("choose");
             observe("choosing what to model");
             let glance = if steps.look {
-                let mut glance = Glance::at(shot, &flash_only, &base, networks.as_ref())?;
-                if networks.is_none() && auto.networks.is_some() {
-                    glance.changes.shadow[1] = Glance::typical().changes.shadow[1];
-                }
-                Some(glance)
+                Some(Glance::at(shot, &flash_only, &base)?)
             } else {
                 None
             };
@@ -117,16 +107,15 @@ pub(super) fn modelled(
         clock.begin(name_of(stage));
         observe(stage.description());
     })?;
-    if let (Answering::Auto(auto), Shadow::Network, None) =
-        (order.answering, plan.terms.shadow, &networks)
-        && let Some(load) = &auto.networks
-    {
-        clock.begin("load networks");
-        networks = Some(load()?);
-    }
+    let networks = match (order.answering, plan.terms.shadow) {
+        (Answering::Auto(auto), Shadow::Network) => {
+            clock.begin("load networks");
+            auto.networks.as_ref().map(|load| load()).transpose()?
+        }
+        _ => None,
+    };
     let surfaces = match (order.answering, &networks) {
-        (Answering::Compact(compact), _) => Some(&compact.surfaces),
-        (_, Some(compact)) if plan.terms.shadow == Shadow::Network => Some(&compact.surfaces),
+        (Answering::Compact(compact), _) | (_, Some(compact)) => Some(&compact.surfaces),
         _ => None,
     };
     let model = match surfaces {

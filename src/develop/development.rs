@@ -87,7 +87,13 @@ impl Development {
 
     /// What the compact network of surfaces is fed of; `shot` is the one that was developed.
     pub fn sight(&self, shot: &Shot) -> Sight<'_> {
-        sight(&self.scene, self.light(), &self.registered, shot)
+        let stated = shot.rig.flash.intensity;
+        Sight {
+            scene: &self.scene,
+            light: self.light(),
+            registered: &self.registered,
+            intensity: stated.unwrap_or_else(|| likely_intensity(&self.scene, self.light())),
+        }
     }
 
     /// Brings a picture that networks relit to the photograph's own size; one of that size stays as
@@ -105,22 +111,6 @@ impl Development {
         self.working_light
             .as_ref()
             .unwrap_or(&self.flash_only.light)
-    }
-}
-
-/// What the compact network of surfaces is fed of a scene; `shot` is the one that was developed.
-pub(super) fn sight<'a>(
-    scene: &'a Scene,
-    light: &'a LinearImage,
-    registered: &'a RegisteredDepth,
-    shot: &Shot,
-) -> Sight<'a> {
-    let stated = shot.rig.flash.intensity;
-    Sight {
-        scene,
-        light,
-        registered,
-        intensity: stated.unwrap_or_else(|| likely_intensity(scene, light)),
     }
 }
 

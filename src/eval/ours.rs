@@ -5,9 +5,7 @@ use super::methods::{
 };
 use super::roster::{OURS_AUTO, OURS_BIC, OURS_EVERYTHING, OURS_ONE_STANDARD_ERROR};
 use crate::develop;
-use crate::parsimony::{
-    CostModel, Criterion, Glance, Model, ModelError, Plan, Rule, Shadow, Terms, Workload,
-};
+use crate::parsimony::{CostModel, Criterion, Glance, Model, Plan, Rule, Shadow, Terms, Workload};
 use crate::radiometry::FlashOnly;
 use crate::relight::{
     Lamp,
@@ -102,8 +100,8 @@ impl Method for Ours {
         let (glance, criterion) = match self.choice {
             Choice::Everything => (Glance::nothing_known(), Criterion::Visible),
             Choice::By(criterion) => {
-                let glance = Glance::at(shot, &flash_only, &self.develop, networks);
-                (glance.map_err(unmodelled)?, criterion)
+                let glance = Glance::at(shot, &flash_only, &self.develop).map_err(failed)?;
+                (glance, criterion)
             }
         };
         let known = networks.is_some();
@@ -134,13 +132,6 @@ impl Method for Ours {
             chosen,
             light: networks.map(|compact| compact.light.as_ref()),
         }))
-    }
-}
-
-fn unmodelled(error: ModelError) -> MethodError {
-    match error {
-        ModelError::Develop(error) => MethodError::Silent(error.to_string()),
-        ModelError::Network(error) => error.into(),
     }
 }
 

@@ -12,10 +12,7 @@ use ort::{
 };
 use std::{borrow::Cow, cell::RefCell, time::Instant};
 
-/// A model file of at most so many bytes is small.
-const SMALL: u64 = 1 << 22;
-
-/// A model, ready for pictures of one size, or two where it is small.
+/// A model, ready for pictures of one size at a time.
 pub struct NetworkSession {
     file: ModelFile,
     runtime: &'static Runtime,
@@ -26,8 +23,8 @@ pub struct NetworkSession {
 /// What changes with every answer.
 #[derive(Default)]
 struct State {
-    /// Sessions for the sizes of the last pictures, the last used at the end: each holds the weights.
-    sessions: Vec<((usize, usize), Session)>,
+    /// The session for the size of the last pictures. A second one would hold the weights twice.
+    session: Option<((usize, usize), Session)>,
     runs: usize,
     milliseconds: f64,
 }
@@ -48,26 +45,18 @@ impl NetworkSession {
     /// # Errors
     /// [`NetworkError::Failed`] when the runtime refuses the model.
     pub fn prepare(&self, size: (usize, usize)) -> Result<(), NetworkError> {
-        let sessions = &mut self.state.borrow_mut().sessions;
-        if let Some(place) = sessions.iter().position(|(ready, _)| *ready == size) {
-            sessions[place..].rotate_left(1);
+        let session = &mut self.state.borrow_mut().session;
+        if session.as_ref().is_some_and(|(ready, _)| *ready == size) {
             return Ok(());
         }
-        // The oldest goes first, so that memory never holds one more.
-        if sessions.len() >= self.most_sessions() {
-            sessions.remove(0);
-        }
+        // The old one goes first, so that memory never holds two.
+        *session = None;
         let built = quietly(|| {
             let bytes = self.file.sized(size).map_err(|error| error.to_string())?;
             build(self.runtime, self.threads, &bytes)
         });
-        sessions.push((size, built.map_err(|problem| self.failed(problem))?));
+        *session = Some((size, built.map_err(|problem| self.failed(problem))?));
         Ok(())
-    }
-
-    /// A small network is ready for a picture and its small copy; of a large one the weights are held once.
-    fn most_sessions(&self) -> usize {
-        if self.file.model.bytes <= SMALL { 2 } else { 1 }
     }
 
     fn failed(&self, problem: String) -> NetworkError {
@@ -132,7 +121,7 @@ impl Network for NetworkSession {
         let size = self.checked(given)?;
         self.prepare(size)?;
         let mut state = self.state.borrow_mut();
-        let Some((_, session)) = state.sessions.last_mut() else {
+        let Some((_, session)) = &mut state.session else {
             return Err(self.failed("no session".to_owned()));
         };
         let began = Instant::now();

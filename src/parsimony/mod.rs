@@ -9,19 +9,6 @@ mod plan;
 mod rule;
 mod terms;
 
-use crate::{develop::DevelopError, relight::networks::NetworkError};
-use thiserror::Error;
-
-/// Why a shot could not be modelled.
-#[derive(Debug, Error)]
-#[expect(missing_docs, reason = "the messages say it")]
-pub enum ModelError {
-    #[error(transparent)]
-    Develop(#[from] DevelopError),
-    #[error(transparent)]
-    Network(#[from] NetworkError),
-}
-
 pub use cost::{CostModel, Workload};
 pub use glance::{Changes, Glance};
 pub use model::Model;

@@ -6,7 +6,7 @@ use super::{
         grid::{nearest, resampled},
         paper::{answers, plane},
     },
-    DEPTH_GAIN, GRID,
+    DEPTH_GAIN, GRID, calmed,
     doubt::{Doubt, UNSHADOWED},
     doubt_of, finite,
     sight::median_depth,
@@ -16,6 +16,11 @@ use crate::{
     scene::Scene,
 };
 use drivers::Plane;
+use rayon::prelude::*;
+
+/// Planes of [`Ground`], and of what the network is fed.
+const GROUND_PLANES: usize = 7;
+const LAMP_PLANES: usize = 10 + GROUND_PLANES;
 
 /// What the network of light is fed whatever the lamp.
 #[derive(Debug, Clone)]
@@ -42,7 +47,7 @@ impl Ground {
             let (z, normal) = (metres.samples()[index], normal.samples()[index]);
             let known = z.is_finite() && normal.is_finite();
             if !(known && albedo.samples()[index][0].is_finite()) {
-                return [0.0; 7];
+                return [0.0; GROUND_PLANES];
             }
             [
                 normal.x,
@@ -110,23 +115,50 @@ impl Correction {
         let others = swept.others.each_ref().map(|plane| resampled(plane, size));
         let direct = resampled(&swept.direct, size);
         let toward = lamp.person_direction();
-        Channels::from_pixels(size, |index| {
-            let ground: [f32; 7] = std::array::from_fn(|c| ground.channel(c)[index]);
-            if ground[6] == 0.0 {
-                return [0.0; 17];
-            }
-            let seen = finite(seen.samples()[index]);
-            let [thin, thick] = others
-                .each_ref()
-                .map(|plane| finite(plane.samples()[index]));
-            let cosine = ground[0] * toward[0] + ground[1] * toward[1] + ground[2] * toward[2];
-            let lit = direct.samples()[index].map(|value| (finite(value) * seen).clamp(0.0, 2.0));
-            let [n0, n1, n2, sigma, depth, blocked, known] = ground;
-            [
-                seen, thin, thick, cosine, lit[0], lit[1], lit[2], toward[0], toward[1], toward[2],
-                n0, n1, n2, sigma, depth, blocked, known,
-            ]
-        })
+        let pixels = size.0 * size.1;
+        let mut samples = vec![0.0; LAMP_PLANES * pixels];
+        samples
+            .par_chunks_mut(pixels)
+            .enumerate()
+            .for_each(|(plane, out)| {
+                let known = ground.channel(GROUND_PLANES - 1);
+                let seen = seen.samples();
+                let shares = |from: &[f32], out: &mut [f32]| {
+                    for ((out, share), known) in out.iter_mut().zip(from).zip(known) {
+                        *out = if *known > 0.0 { finite(*share) } else { 0.0 };
+                    }
+                };
+                match plane {
+                    0 => shares(seen, out),
+                    1 | 2 => shares(others[plane - 1].samples(), out),
+                    3 => {
+                        for (axis, toward) in toward.iter().enumerate() {
+                            for (out, normal) in out.iter_mut().zip(ground.channel(axis)) {
+                                *out += normal * toward;
+                            }
+                        }
+                    }
+                    4..7 => {
+                        let light = direct.samples().iter().zip(seen).zip(known);
+                        for (out, ((light, seen), known)) in out.iter_mut().zip(light) {
+                            if *known > 0.0 {
+                                *out = (finite(light[plane - 4]) * finite(*seen)).clamp(0.0, 2.0);
+                            }
+                        }
+                    }
+                    7..10 => {
+                        for (out, known) in out.iter_mut().zip(known) {
+                            *out = known * toward[plane - 7];
+                        }
+                    }
+                    _ => out.copy_from_slice(ground.channel(plane - 10)),
+                }
+            });
+        Channels {
+            size,
+            count: LAMP_PLANES,
+            samples,
+        }
     }
 
     /// The scene under one lamp.
@@ -146,12 +178,12 @@ impl Correction {
         let size = prepared.size();
         let one = |answer: &Channels| resampled(&plane::<1>(answer).map(|[value]| *value), size);
         let (weight, told) = (one(&weight), one(&shadow));
-        let bounced = resampled(&plane::<3>(&bounced), size);
+        let bounced = calmed(&plane::<3>(&bounced), size);
         let albedo = prepared.surfaces.albedo();
         let mut relit = swept.relit;
-        let pixels = relit.light.0.samples_mut().iter_mut();
-        let pixels = pixels.zip(relit.shadow.samples_mut());
-        for (index, (light, shadow)) in pixels.enumerate() {
+        let pixels = relit.light.0.samples_mut().par_iter_mut();
+        let pixels = pixels.zip(relit.shadow.samples_mut()).with_min_len(4096);
+        pixels.enumerate().for_each(|(index, (light, shadow))| {
             let weight = finite(weight.samples()[index]).clamp(0.0, 1.0);
             let told = finite(told.samples()[index]).clamp(0.0, 1.0);
             let direct = swept.direct.samples()[index];
@@ -169,7 +201,7 @@ impl Correction {
                 let sum = light[c] + more;
                 lamp.color[c] * if sum < 0.0 { 0.0 } else { sum }
             });
-        }
+        });
         Ok(relit)
     }
 }

@@ -14,7 +14,12 @@ pub use light::{Correction, Ground, Swept};
 pub use sight::Sight;
 pub use surfaces::corrected;
 
-use super::{Network, NetworkRecord, grid::Grid};
+use super::{
+    Network, NetworkRecord,
+    grid::{Grid, resampled},
+};
+use crate::{relight::enlarge::Mix, scene::Scene};
+use drivers::Plane;
 
 /// Both networks.
 pub struct Compact {
@@ -39,6 +44,28 @@ const GRID: Grid = Grid {
     pixels: MOST_PIXELS as f64,
     multiple: 16.0,
 };
+
+/// The least of [`doubt_of`] at which depth is wholly in doubt, inverted; `networks.py` has the same.
+const DOUBT_GAIN: f32 = 8.0;
+
+/// How far a scene's depth is in doubt, 0 (exact) to 1, the mean over what is known.
+pub fn doubtful(scene: &Scene) -> f32 {
+    let sigmas = scene.depth_sigma_metres.samples().iter();
+    let known = sigmas.zip(scene.depth_metres.samples());
+    let (mut sum, mut count) = (0.0f64, 0.0f64);
+    for (sigma, metres) in known.filter(|(_, metres)| metres.is_finite()) {
+        sum += f64::from((DOUBT_GAIN * doubt_of(*sigma, *metres)).min(1.0));
+        count += 1.0;
+    }
+    (sum / count.max(1.0)) as f32
+}
+
+/// A slowly varying answer on a grid of `size`, without the pattern that a network's last layer, which works on
+/// half the picture's sides, leaves from pixel to pixel.
+fn calmed<T: Mix>(answer: &Plane<T>, size: (usize, usize)) -> Plane<T> {
+    let (width, height) = answer.size();
+    resampled(&resampled(answer, (width / 2, height / 2)), size)
+}
 
 /// NaN and infinities become 0: no network is fed what it could not learn from.
 fn finite(value: f32) -> f32 {

@@ -1,7 +1,7 @@
 //! Surfaces as a network corrects them.
 
-use super::super::{Channels, Network, NetworkError, grid::resampled, paper::plane};
-use super::finite;
+use super::super::{Channels, Network, NetworkError, paper::plane};
+use super::{calmed, finite};
 use crate::{relight::networks::paper::answers, scene::Scene};
 use rayon::prelude::*;
 
@@ -23,8 +23,8 @@ pub fn corrected(
     let wanted = [("factor", 3), ("roughness", 1)];
     let [factor, roughness] = answers(network, &[("sight", given)], &wanted)?;
     let size = scene.albedo.size();
-    let factors = resampled(&plane::<3>(&factor), size);
-    let roughness = resampled(&plane::<1>(&roughness).map(|[value]| *value), size);
+    let factors = calmed(&plane::<3>(&factor), size);
+    let roughness = calmed(&plane::<1>(&roughness).map(|[value]| *value), size);
     let most = if scene.scale_known { 1.0 } else { f32::MAX };
     let mut out = scene.clone();
     let albedos = out.albedo.samples_mut().par_iter_mut();
