@@ -14,7 +14,7 @@ const COARSER: [usize; 6] = [1, 2, 3, 4, 6, 8];
 
 /// Share of all time that the largest change must save to be worth it.
 const WORTH: f64 = 0.5;
-/// What saves less than this share of all time is not left out: the look at a few pixels may miss what it does.
+/// One roughness for all must save this share of all time: the few pixels of a look may miss the spark that spoils it.
 const NEGLIGIBLE: f64 = 0.02;
 
 /// What decides that a term may go.
@@ -87,31 +87,34 @@ impl Plan {
             }
         };
         let everything = Self::of(full(network), base_factor(work), glance, costs, work);
-        let worth: Vec<(Self, f64)> = plans(network, work)
+        let worth = |plan: &Self| {
+            let time = plan.expected_ms / everything.expected_ms.max(f64::MIN_POSITIVE);
+            let coarser = plan.factor / base_factor(work);
+            let missed = missed(glance, plan.terms, coarser);
+            let share = missed / glance.tolerance.max(f32::MIN_POSITIVE);
+            let change = f64::from(share.min(1.0));
+            time + WORTH * change * change
+        };
+        let best = plans(network, work)
             .map(|(terms, factor)| Self::of(terms, factor, glance, costs, work))
             .filter(|plan| plan.factor <= 2 * base_factor(work) && allowed(plan))
-            .map(|plan| {
-                let time = plan.expected_ms / everything.expected_ms.max(f64::MIN_POSITIVE);
-                let coarser = plan.factor / base_factor(work);
-                let missed = missed(glance, plan.terms, coarser);
-                let share = missed / glance.tolerance.max(f32::MIN_POSITIVE);
-                let change = f64::from(share.min(1.0));
-                (plan, time + WORTH * change * change)
-            })
-            .collect();
-        let best = worth
-            .iter()
-            .map(|(_, worth)| *worth)
-            .fold(f64::INFINITY, f64::min);
-        let as_good = worth
-            .iter()
-            .filter(|(_, worth)| *worth <= best + NEGLIGIBLE);
-        as_good
-            .max_by(|(a, a_worth), (b, b_worth)| {
-                let richer = a.terms.rank().cmp(&b.terms.rank());
-                richer.then(b_worth.total_cmp(a_worth))
-            })
-            .map_or(everything, |(plan, _)| *plan)
+            .min_by(|a, b| worth(a).total_cmp(&worth(b)));
+        let Some(best) = best else {
+            return everything;
+        };
+        if best.terms.material != Material::OneRoughness {
+            return best;
+        }
+        let terms = Terms {
+            material: Material::Varying,
+            ..best.terms
+        };
+        let varying = Self::of(terms, best.factor, glance, costs, work);
+        if worth(&varying) <= worth(&best) + NEGLIGIBLE {
+            varying
+        } else {
+            best
+        }
     }
 
     /// The plan of the least change that takes no longer than `budget_ms`; the cheapest one where
@@ -392,6 +395,32 @@ mod tests {
         };
         let plan = Plan::sufficient(&glance(several), Criterion::Visible, &costs, WORK, true);
         assert!(plan.change <= 0.01 && plan.change > 0.008, "{plan:?}");
+    }
+
+    #[test]
+    fn one_roughness_for_all_is_no_bargain_where_it_saves_next_to_nothing() {
+        // Something shines, and nothing says that it does not shine alike everywhere.
+        let shining = Changes {
+            geometry: [1.0, 1.0],
+            material: [1.0, 0.0],
+            shadow: [1.0, 1.0],
+            indirect: [1.0, 1.0],
+        };
+        let material = |varying: f64| {
+            let costs = CostModel {
+                varying: Line {
+                    fixed_ms: varying,
+                    per_megapixel_ms: 0.0,
+                },
+                ..costs()
+            };
+            let found = glance(shining);
+            Plan::sufficient(&found, Criterion::Visible, &costs, WORK, true)
+                .terms
+                .material
+        };
+        assert_eq!(material(0.1), Material::Varying);
+        assert_eq!(material(1000.0), Material::OneRoughness);
     }
 
     #[test]

@@ -80,16 +80,6 @@ impl Terms {
         indirect: Bounced::None,
     };
 
-    /// How many steps of nested models stand above the simplest.
-    pub fn rank(self) -> u8 {
-        let material = match self.material {
-            Material::Matte => 0,
-            Material::OneRoughness => 1,
-            Material::Varying => 2,
-        };
-        self.geometry as u8 + material + self.shadow as u8 + self.indirect as u8
-    }
-
     /// How a shot is developed with these terms. `blocked` is the mean share of the hemisphere that the
     /// scene blocks, [0, 1].
     pub fn options(self, base: &Options, blocked: f32) -> Options {
