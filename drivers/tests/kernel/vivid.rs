@@ -17,6 +17,8 @@ const PLANES: &str = "/dev/video2";
 
 /// `V4L2_CID_BRIGHTNESS`.
 const BRIGHTNESS: u32 = 0x0098_0900;
+/// As the driver starts.
+const USUAL_BRIGHTNESS: i64 = 128;
 
 /// Ids of the driver's own controls (`drivers/media/test-drivers/vivid/vivid-ctrls.c`).
 const VIVID: u32 = 0x00f0_f000;
@@ -90,6 +92,7 @@ fn a_multi_planar_node_upholds_the_contract_with_one_plane_and_with_two() {
         assert_eq!(lights.verdict, Verdict::Pass, "{format}: {lights:?}");
         eprintln!("{format} of a multi-planar node: the contract holds");
     }
+    set_control(PLANES, BRIGHTNESS, USUAL_BRIGHTNESS);
 }
 
 #[test]
