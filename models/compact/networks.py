@@ -63,7 +63,7 @@ class SurfacesNet(nn.Module):
 
     In training also what is added to its normals, the relative step of its depth and the sigma of that, which teach it shape. They
     are not shipped. Normals come nearer to the truth, but the albedo of the closed form is the flash's light over the cosine of its
-    own normal, so that errors of both cancel in relit pictures: with the network's normals these lose 0.2 to 0.6 dB on the
+    own normal, so that errors of both cancel in relit pictures: with the network's normals these lose 0.2 to 0.7 dB on the
     validation scenes. Steps in depth are too small to help the sweep, and stated sigmas soften the shadows of clean depth."""
 
     SHIPPED = slice(3, 7)

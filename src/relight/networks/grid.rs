@@ -1,4 +1,4 @@
-//! The networks' grids: so many pixels at most, sides that their halvings divide.
+//! The networks' grids: so many pixels, nearly, and sides that their halvings divide.
 
 use crate::relight::enlarge::{Mix, enlarge};
 use drivers::Plane;

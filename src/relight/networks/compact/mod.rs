@@ -36,7 +36,7 @@ impl Compact {
     }
 }
 
-/// Pixels of the largest grid that the networks are asked on: those of the paper's pictures.
+/// Pixels, nearly, of the largest grid that the networks are asked on: those of the paper's pictures.
 pub const MOST_PIXELS: usize = 65_536;
 
 /// Both networks halve the picture four times.
