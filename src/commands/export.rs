@@ -10,7 +10,6 @@ use crate::{
     export::{Format, encoded},
     inference,
     output::StagedFile,
-    relight::{Prepared, networks::compact::corrected},
     session::SessionError,
 };
 use clap::Args;
@@ -54,10 +53,8 @@ impl Export {
             develop(&capture.shot, &options, &mut told).map_err(|error| unmade(error.into()))?;
         if let Some(network) = network {
             progress.doing("correcting surfaces with a network");
-            let given = development.sight(&capture.shot).given();
-            let scene = corrected(&development.scene, &given, network.as_ref());
-            development.scene = scene.map_err(|error| unmade(error.into()))?;
-            development.prepared = Prepared::new(&development.scene, options.prepare);
+            let refined = development.refine(&capture.shot, network.as_ref(), options.prepare);
+            refined.map_err(|error| unmade(error.into()))?;
         }
         progress.doing("writing");
         let (scene, prepared) = (&development.scene, &development.prepared);

@@ -4,9 +4,12 @@ use crate::{
     radiometry::{FlashOnly, LinearImage},
     registration::RegisteredDepth,
     relight::{
-        Environment, Found, LightSet, Prepared, Relit,
+        Environment, Found, LightSet, Preparation, Prepared, Relit,
         enlarge::enlarge_relit,
-        networks::{Feed, Photograph, Variant, compact::Sight},
+        networks::{
+            Feed, Network, NetworkError, Photograph, Variant,
+            compact::{Sight, corrected},
+        },
         visibility::VisibilityMap,
     },
     scene::{Scene, variance_left},
@@ -94,6 +97,22 @@ impl Development {
             registered: &self.registered,
             intensity: stated.unwrap_or_else(|| likely_intensity(&self.scene, self.light())),
         }
+    }
+
+    /// Corrects the surfaces by the compact network of surfaces and makes them ready again; `shot` is the one that
+    /// was developed.
+    ///
+    /// # Errors
+    /// [`NetworkError`] of the network; then nothing has changed.
+    pub fn refine(
+        &mut self,
+        shot: &Shot,
+        surfaces: &dyn Network,
+        preparation: Preparation,
+    ) -> Result<(), NetworkError> {
+        self.scene = corrected(&self.scene, &self.sight(shot).given(), surfaces)?;
+        self.prepared = Prepared::new(&self.scene, preparation);
+        Ok(())
     }
 
     /// Brings a picture that networks relit to the photograph's own size; one of that size stays as

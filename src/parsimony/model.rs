@@ -10,11 +10,8 @@ use crate::{
     develop::{DevelopError, Development, Options, Stage, develop_light},
     radiometry::{FlashOnly, LinearImage, photograph},
     relight::{
-        Lamp, Preparation, Prepared, RelightOptions, Relit,
-        networks::{
-            Network, NetworkError,
-            compact::{Correction, corrected},
-        },
+        Lamp, Preparation, RelightOptions, Relit,
+        networks::{Network, NetworkError, compact::Correction},
     },
     shot::Shot,
     verdict::{Verdict, contradicted, judge},
@@ -152,9 +149,7 @@ impl Model {
     /// [`NetworkError`] of the network.
     pub fn refined(mut self, shot: &Shot, surfaces: &dyn Network) -> Result<Self, NetworkError> {
         let development = &mut self.development;
-        let given = development.sight(shot).given();
-        development.scene = corrected(&development.scene, &given, surfaces)?;
-        development.prepared = Prepared::new(&development.scene, self.preparation);
+        development.refine(shot, surfaces, self.preparation)?;
         let correction = Correction::of(&development.scene, &development.prepared);
         self.correction = Some(Box::new(correction));
         Ok(self)
