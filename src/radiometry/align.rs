@@ -44,7 +44,9 @@ pub struct Alignment {
 }
 
 /// Patches placed along the longer side, at most.
-const PATCHES_ALONG: usize = 28;
+const PATCHES_ALONG: usize = 24;
+/// Every how many of them say which of two motions fits better.
+const ASKED: usize = 3;
 /// Whole pixels looked around at the coarsest level.
 const COARSE_REACH: isize = 4;
 /// How much better a coarse shift must correlate than none, coarsely and in the end: textures that
@@ -61,70 +63,94 @@ const SETTLED: f32 = 0.25;
 /// Serves shifts up to about a twelfth of the shorter side, and the small rotations, zooms and
 /// tilts of a hand. A moving thing that fills less than half of the textured picture is outvoted.
 pub fn align(flash: &LinearImage, ambient: &LinearImage) -> Alignment {
-    let (width, height) = flash.0.size();
-    let still = |outcome, patches, residual_pixels| Alignment {
-        warp: Warp::identity(width, height),
-        outcome,
-        patches,
-        residual_pixels,
-    };
-    if ambient.0.size() != (width, height) || width.min(height) < 2 * patch::SIDE {
-        return still(AlignmentOutcome::TooLittleTexture, 0, 0.0);
+    Anchor::of(flash).align(ambient)
+}
+
+/// What frames are aligned on.
+pub(super) struct Anchor {
+    size: (usize, usize),
+    pyramid: Vec<Texture>,
+}
+
+impl Anchor {
+    /// Of the flash frame; nothing is kept of one too small to be aligned on.
+    pub fn of(flash: &LinearImage) -> Self {
+        let size = flash.0.size();
+        let pyramid = if size.0.min(size.1) < 2 * patch::SIDE {
+            Vec::new()
+        } else {
+            texture::pyramid(flash)
+        };
+        Self { size, pyramid }
     }
-    let (first, second) = rayon::join(|| texture::pyramid(flash), || texture::pyramid(ambient));
-    let Some((coarse_first, coarse_second)) = first.last().zip(second.last()) else {
-        return still(AlignmentOutcome::TooLittleTexture, 0, 0.0);
-    };
-    let (coarse_width, coarse_height) = coarse_first.values.size();
-    // The finest level has rounds of its own.
-    let next = usize::from(first.len() > 1);
-    let (coarser_first, coarser_second) = (&first[next..], &second[next..]);
-    let refined = |start| refined(coarser_first, coarser_second, start);
-    let near = refined(Warp::identity(coarse_width, coarse_height));
-    let mut warp = near;
-    let start = whole_shift(coarse_first, coarse_second);
-    if !start.is_identity() {
-        let far = refined(start);
-        let score = |warp: &Warp| agreement(&coarser_first[0], &coarser_second[0], warp);
-        if score(&far) > score(&near) + COARSE_GAIN {
-            warp = far;
-        }
-    }
-    let (Some(first), Some(second)) = (first.first(), second.first()) else {
-        return still(AlignmentOutcome::TooLittleTexture, 0, 0.0);
-    };
-    let (fine_width, fine_height) = first.values.size();
-    warp = warp.on_grid(fine_width, fine_height);
-    let mut motion = Motion::Still;
-    let mut found = Vec::new();
-    for _ in 0..FINEST_ROUNDS {
-        let start = better_start(first, second, warp);
-        found = matches(first, second, &start);
-        if found.len() < flow::MATCHES_AT_LEAST {
-            return still(AlignmentOutcome::TooLittleTexture, found.len(), 0.0);
-        }
-        (motion, warp) = flow::choose(&found, fine_width, fine_height);
-        if warp.furthest_from(&start) < SETTLED {
-            break;
-        }
-    }
-    let scale = width as f32 / fine_width as f32;
-    let residual_pixels = flow::residual(&found, &warp) * scale;
-    let identity = Warp::identity(fine_width, fine_height);
-    let gained = || agreement(first, second, &warp) > agreement(first, second, &identity);
-    if motion == Motion::Still || !gained() {
-        let residual_pixels = flow::residual(&found, &identity) * scale;
-        return still(
-            AlignmentOutcome::AlreadyAligned,
-            found.len(),
+
+    /// As [`align`] of the frame it is of.
+    pub fn align(&self, ambient: &LinearImage) -> Alignment {
+        let (width, height) = self.size;
+        let still = |outcome, patches, residual_pixels| Alignment {
+            warp: Warp::identity(width, height),
+            outcome,
+            patches,
             residual_pixels,
-        );
-    }
-    Alignment {
-        warp: warp.on_grid(width, height),
-        outcome: AlignmentOutcome::Aligned,
-        patches: found.len(),
-        residual_pixels,
+        };
+        if ambient.0.size() != (width, height) || self.pyramid.is_empty() {
+            return still(AlignmentOutcome::TooLittleTexture, 0, 0.0);
+        }
+        let (first, second) = (&self.pyramid, texture::pyramid(ambient));
+        let Some((coarse_first, coarse_second)) = first.last().zip(second.last()) else {
+            return still(AlignmentOutcome::TooLittleTexture, 0, 0.0);
+        };
+        let (coarse_width, coarse_height) = coarse_first.values.size();
+        // The finest level has rounds of its own.
+        let next = usize::from(first.len() > 1);
+        let (coarser_first, coarser_second) = (&first[next..], &second[next..]);
+        let refined = |start| refined(coarser_first, coarser_second, start);
+        let near = refined(Warp::identity(coarse_width, coarse_height));
+        let mut warp = near;
+        let start = whole_shift(coarse_first, coarse_second);
+        if !start.is_identity() {
+            let far = refined(start);
+            let score = |warp: &Warp| agreement(&coarser_first[0], &coarser_second[0], warp);
+            if score(&far) > score(&near) + COARSE_GAIN {
+                warp = far;
+            }
+        }
+        let (Some(first), Some(second)) = (first.first(), second.first()) else {
+            return still(AlignmentOutcome::TooLittleTexture, 0, 0.0);
+        };
+        let (fine_width, fine_height) = first.values.size();
+        warp = warp.on_grid(fine_width, fine_height);
+        let mut motion = Motion::Still;
+        let mut found = Vec::new();
+        for _ in 0..FINEST_ROUNDS {
+            let start = better_start(first, second, warp);
+            found = matches(first, second, &start);
+            if found.len() < flow::MATCHES_AT_LEAST {
+                return still(AlignmentOutcome::TooLittleTexture, found.len(), 0.0);
+            }
+            (motion, warp) = flow::choose(&found, fine_width, fine_height);
+            if warp.furthest_from(&start) < SETTLED {
+                break;
+            }
+        }
+        let scale = width as f32 / fine_width as f32;
+        let residual_pixels = flow::residual(&found, &warp) * scale;
+        let identity = Warp::identity(fine_width, fine_height);
+        let gained = || agreement(first, second, &warp) > agreement(first, second, &identity);
+        if motion == Motion::Still || !gained() {
+            let residual_pixels = flow::residual(&found, &identity) * scale;
+            return still(
+                AlignmentOutcome::AlreadyAligned,
+                found.len(),
+                residual_pixels,
+            );
+        }
+        Alignment {
+            warp: warp.on_grid(width, height),
+            outcome: AlignmentOutcome::Aligned,
+            patches: found.len(),
+            residual_pixels,
+        }
     }
 }
 
@@ -166,11 +192,12 @@ fn matches(first: &Texture, second: &Texture, warp: &Warp) -> Vec<Match> {
         .collect()
 }
 
-/// Mean correlation of all patches under a warp; patches that leave the picture do not count.
+/// Mean correlation of some patches, all over the picture, under a warp; patches that leave the picture do not count.
 fn agreement(first: &Texture, second: &Texture, warp: &Warp) -> f64 {
     let (width, height) = first.values.size();
     let found: Vec<f64> = corners(width, height)
         .into_par_iter()
+        .step_by(ASKED)
         .filter_map(|[left, top]| patch::correlation(first, second, warp, left, top))
         .collect();
     if found.is_empty() {

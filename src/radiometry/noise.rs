@@ -76,7 +76,7 @@ pub(super) enum Grid {
 }
 
 /// Positions looked at, at most.
-const POSITIONS: usize = 60_000;
+const POSITIONS: usize = 24_000;
 /// Brightness bins.
 const BINS: usize = 24;
 /// `|x|` of a unit normal lies below this with probability ¼.

@@ -100,9 +100,9 @@ impl Pattern {
         for (y, row) in values.chunks_exact_mut(SIDE).enumerate() {
             row.copy_from_slice(&texture.values.row(top + y)[left..left + SIDE]);
         }
-        let mean = values.iter().sum::<f32>() / values.len() as f32;
+        let mean = by_lanes(&values, |value| value) / values.len() as f32;
         values.iter_mut().for_each(|value| *value -= mean);
-        let power = values.iter().map(|value| f64::from(*value).powi(2)).sum();
+        let power = f64::from(by_lanes(&values, |value| value * value));
         Self { values, power }
     }
 }
@@ -116,7 +116,20 @@ struct Step {
 const LANES: usize = 8;
 
 fn eight(row: &[f32], from: usize) -> [f32; LANES] {
-    std::array::from_fn(|i| row[from + i])
+    let mut eight = [0.0; LANES];
+    eight.copy_from_slice(&row[from..from + LANES]);
+    eight
+}
+
+/// The sum of something of every value.
+fn by_lanes(values: &[f32], of: impl Fn(f32) -> f32) -> f32 {
+    let mut lanes = [0.0f32; LANES];
+    for values in values.chunks_exact(LANES) {
+        for (sum, value) in lanes.iter_mut().zip(values) {
+            *sum += of(*value);
+        }
+    }
+    lanes.iter().sum()
 }
 
 /// Sums over the patch of the products that the step is made of. The order: gradients x and y,

@@ -1,6 +1,6 @@
 //! A shot's color frames → the light of the flash alone.
 
-use super::align::{self, AlignmentOutcome};
+use super::align::{AlignmentOutcome, Anchor};
 use super::levels::Levels;
 use super::noise::Grid;
 use super::warp::{Resampled, Warp, resample_row};
@@ -70,10 +70,18 @@ pub fn subtract(
     let mut light = linearise(flash)?;
     let scatter = Scatter::of(flash, &light, options)?;
     let moments: Vec<u64> = ambient.iter().map(|frame| frame.at.as_nanos()).collect();
+    let anchor = (options.align && !ambient.is_empty()).then(|| Anchor::of(&light));
     let mut rooms = Vec::with_capacity(ambient.len());
     for (frame, weight) in ambient.iter().zip(weights(flash.at.as_nanos(), &moments)) {
         if weight > 0.0 || options.motion {
-            rooms.push(Room::of(frame, weight, flash, &light, options)?);
+            rooms.push(Room::of(
+                frame,
+                weight,
+                flash,
+                &light,
+                anchor.as_ref(),
+                options,
+            )?);
         }
     }
 
@@ -241,13 +249,14 @@ impl Room {
         weight: f32,
         flash: &ColorFrame,
         flash_light: &LinearImage,
+        anchor: Option<&Anchor>,
         options: &SubtractOptions,
     ) -> Result<Self, RadiometryError> {
         let light = linearise(frame)?;
         let scatter = Scatter::of(frame, &light, options)?;
         let (width, height) = light.0.size();
-        let (warp, outcome) = if options.align {
-            let found = align::align(flash_light, &light);
+        let (warp, outcome) = if let Some(anchor) = anchor {
+            let found = anchor.align(&light);
             (found.warp, found.outcome)
         } else {
             (Warp::identity(width, height), AlignmentOutcome::NotAsked)

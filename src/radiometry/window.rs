@@ -81,10 +81,11 @@ fn shifted<S: Simd>(
     for (y, window) in window.chunks_exact_mut(WINDOW).enumerate() {
         let taps = |row: usize| &samples[(top - 1 + y + row) * width + left - 1..][..TAPS];
         let (first, second, third, fourth) = (taps(0), taps(1), taps(2), taps(3));
-        let columns: [f32; TAPS] = std::array::from_fn(|x| {
+        let mut columns = [0.0f32; TAPS];
+        for (x, column) in columns.iter_mut().enumerate() {
             let outer = first[x] * down[0] + fourth[x] * down[3];
-            second[x] * down[1] + third[x] * down[2] + outer
-        });
+            *column = second[x] * down[1] + third[x] * down[2] + outer;
+        }
         for (x, value) in window.iter_mut().enumerate() {
             let outer = columns[x] * across[0] + columns[x + 3] * across[3];
             *value = columns[x + 1] * across[1] + columns[x + 2] * across[2] + outer;
