@@ -11,6 +11,7 @@ pub mod radiometry;
 pub mod registration;
 pub mod scene;
 pub mod relight;
+pub mod infrared;
 pub mod develop;
 pub mod verdict;
 pub mod parsimony;

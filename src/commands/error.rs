@@ -10,6 +10,7 @@ use crate::{
     eval::{BesideError, EvalError, ReportError},
     folder::{FolderError, ImageError},
     inference::InferenceError,
+    infrared::InfraredError,
     output::CommitError,
     radiometry::ResponseError,
     session::SessionError,
@@ -62,6 +63,8 @@ pub enum CommandError {
     #[error(transparent)]
     Inference(#[from] InferenceError),
     #[error(transparent)]
+    Infrared(#[from] InfraredError),
+    #[error(transparent)]
     Response(#[from] ResponseError),
     #[error(transparent)]
     Calibration(#[from] CalibrationError),
@@ -104,6 +107,7 @@ impl CommandError {
             | Self::Folder(_)
             | Self::Image(_)
             | Self::Inference(_)
+            | Self::Infrared(_)
             | Self::Response(_)
             | Self::Calibration(_)
             | Self::Corruption(_)

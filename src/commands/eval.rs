@@ -2,26 +2,34 @@
 
 use super::{
     Answer, CommandError, contents, error::InputError, inference::BackendArguments, input,
-    progress::Progress, spoiling::SpoilingArguments,
+    lights::linear_picture, progress::Progress, spoiling::SpoilingArguments,
 };
 use crate::{
     config::Config,
     corruption::DepthNoise,
     costs,
+    darkroom::DarkroomError,
+    develop::develop,
     eval::{
         EvalOptions, Extent, ForeignRow, Ledger, NoisyDepth, ReportFolder, Roster, evaluate,
         learned::{ThreeNetworks, WithRoomLight, WithoutDepth},
+        light_sets::{LightSetRun, compare},
         methods::Method,
         other_backends,
         ours::{Choice, Ours},
         roster,
+        without_flash::{Infrared, RoomPhotograph},
     },
     folder::{Capture, mask_beside, truth_beside},
     inference::{self, InferenceError, Settings},
     relight::{RelightOptions, networks::Variant},
+    session::SessionError,
 };
 use clap::Args;
-use std::{path::PathBuf, rc::Rc};
+use std::{
+    path::{Path, PathBuf},
+    rc::Rc,
+};
 
 /// The last row that this program answers itself; answers from elsewhere have later numbers.
 const OWN_ROWS: u8 = 3;
@@ -67,6 +75,14 @@ pub struct Eval {
     /// Leave out the rows of networks, which take seconds per light where tract runs them.
     #[arg(long)]
     no_networks: bool,
+    /// Add rows of what can be had without the flash: the room's photograph as it is, and with the depth camera's
+    /// infrared light in the flash's place.
+    #[arg(long)]
+    no_flash: bool,
+    /// Compare sets of lights on the first N captures, under the environment maps of their truth
+    /// (environment_NNN.hdr, and beside it the true picture, .exr).
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    light_sets: usize,
     #[command(flatten)]
     spoiling: SpoilingArguments,
     #[command(flatten)]
@@ -91,6 +107,15 @@ impl Eval {
             warnings.extend(fill_networks(&mut roster, &self.backend.settings(config)));
         }
         warnings.extend(fill_ours(&mut roster, &self, config)?);
+        if self.no_flash {
+            let rows: [Box<dyn Method>; 2] =
+                [Box::new(RoomPhotograph), Box::new(Infrared::default())];
+            for row in rows {
+                roster
+                    .fill(row)
+                    .map_err(|twice| CommandError::Arguments(twice.to_string()))?;
+            }
+        }
         for row in self.foreign_rows(&roster)? {
             roster
                 .fill(Box::new(row))
@@ -118,6 +143,10 @@ impl Eval {
             progress.reach(now.done);
         })?;
         report.made.command = self.command();
+        for (path, capture) in self.captures.iter().zip(&captures).take(self.light_sets) {
+            progress.doing(&format!("{} under environment maps", capture.name));
+            report.light_sets.extend(light_sets(path, capture)?);
+        }
         if let Some(other) = &self.beside {
             report.other_backends = other_backends(other, &report)?;
         }
@@ -259,6 +288,40 @@ impl Eval {
         }
         Ok(rows)
     }
+}
+
+/// A capture under every environment map of its truth, by sets of lights of every kind.
+fn light_sets(path: &Path, capture: &Capture) -> Result<Vec<LightSetRun>, CommandError> {
+    let truth = match path.is_dir() {
+        true => path.join("truth"),
+        false => truth_beside(path),
+    };
+    let maps: Vec<PathBuf> = (0..)
+        .map(|number| truth.join(format!("environment_{number:03}.hdr")))
+        .take_while(|map| map.is_file())
+        .collect();
+    if maps.is_empty() {
+        return Ok(Vec::new());
+    }
+    let developed = develop(&capture.shot, &EvalOptions::default().develop, &mut |_| ());
+    let developed = developed.map_err(|error| SessionError::from(DarkroomError::from(error)))?;
+    let mut runs = Vec::new();
+    for map in &maps {
+        let name = map.file_stem().unwrap_or_default().to_string_lossy();
+        let picture = map.with_extension("exr");
+        let picture = picture
+            .is_file()
+            .then(|| linear_picture(&picture))
+            .transpose()?;
+        let names = [capture.name.as_str(), &name];
+        runs.extend(compare(
+            names,
+            &developed,
+            &linear_picture(map)?,
+            picture.as_ref(),
+        ));
+    }
+    Ok(runs)
 }
 
 /// Rows that networks answer: number, name, and how to get the method.

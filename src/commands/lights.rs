@@ -7,6 +7,7 @@ use crate::{
     relight::Environment,
 };
 use clap::Args;
+use drivers::Plane;
 use serde::Deserialize;
 use std::{
     fs::File,
@@ -71,26 +72,27 @@ impl LightArguments {
     }
 }
 
+/// Reads a picture of scene-linear light.
+pub(super) fn linear_picture(path: &Path) -> Result<Plane<[f32; 3]>, CommandError> {
+    match decode_limited(path, None, folder::Limits::default())?.samples {
+        Samples::RgbF32(plane) => Ok(plane),
+        Samples::GrayF32(plane) => Ok(plane.map(|value| [*value; 3])),
+        other => Err(InputError {
+            path: path.to_owned(),
+            problem: format!("holds {}", other.describe()),
+            remedy: "give linear light: .hdr or .exr",
+        }
+        .into()),
+    }
+}
+
 /// Reads a latitude–longitude map of scene-linear light.
 fn read_map(path: &Path) -> Result<EnvironmentLight, CommandError> {
-    let refused = |problem: String, remedy: &'static str| InputError {
+    let radiance = linear_picture(path)?;
+    let environment = Environment::new(&radiance).map_err(|error| InputError {
         path: path.to_owned(),
-        problem,
-        remedy,
-    };
-    let radiance = match decode_limited(path, None, folder::Limits::default())?.samples {
-        Samples::RgbF32(plane) => plane,
-        Samples::GrayF32(plane) => plane.map(|value| [*value; 3]),
-        other => {
-            let problem = format!("holds {}", other.describe());
-            return Err(refused(problem, "give a map of linear light: .hdr or .exr").into());
-        }
-    };
-    let environment = Environment::new(&radiance).map_err(|error| {
-        refused(
-            error.to_string(),
-            "give a latitude–longitude map, twice as wide as high",
-        )
+        problem: error.to_string(),
+        remedy: "give a latitude–longitude map, twice as wide as high",
     })?;
     let name = path
         .file_stem()

@@ -11,6 +11,7 @@ use crate::{
     api::{CheckedLights, LightError},
     config::Config,
     darkroom::{self, Order, Source},
+    infrared::lit_by_infrared,
     output::{Destination, Disk, Existing, manifest::MANIFEST},
     session,
 };
@@ -19,6 +20,9 @@ use std::path::PathBuf;
 
 /// Most lights one command takes.
 const MOST_LIGHTS: usize = 4096;
+
+/// What a result under `--no-flash` says of itself.
+const BY_INFRARED: &str = "lit by the depth camera's infrared light, not by the flash: how bright a color is was judged mostly in infrared";
 
 /// Arguments of `relight`.
 #[derive(Debug, Args)]
@@ -30,6 +34,10 @@ pub struct Relight {
     lights: LightArguments,
     #[command(flatten)]
     tier: TierArguments,
+    /// Take the depth camera's infrared light for the flash: the photograph without flash and the infrared
+    /// picture are used, that with flash is not.
+    #[arg(long)]
+    no_flash: bool,
     /// Folder for the results; must not exist yet, or be empty.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -47,7 +55,12 @@ impl Relight {
             return Err(LightError::None.into());
         }
         let (answering, said) = self.tier.ready(config)?;
-        let Input { capture, drops } = input::read(&self.input, config)?;
+        let Input { mut capture, drops } = input::read(&self.input, config)?;
+        let mut warnings: Vec<String> = lights.warnings.into_iter().chain(said).collect();
+        if self.no_flash {
+            capture.shot = lit_by_infrared(&capture.shot)?;
+            warnings.push(BY_INFRARED.to_owned());
+        }
         let order = Order {
             shot: &capture.shot,
             source: Source {
@@ -60,7 +73,7 @@ impl Relight {
                 .as_ref()
                 .map(|(name, environment)| (name.as_str(), environment)),
             answering: &answering,
-            warnings: lights.warnings.into_iter().chain(said).collect(),
+            warnings,
             attachments: &[],
         };
         let existing = if self.force {

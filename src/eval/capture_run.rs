@@ -59,7 +59,7 @@ pub(super) fn evaluate_capture(
     };
     let surfaces = TrueSurfaces::read(truth, development.scene.scale_known)?;
     report.scene = surfaces
-        .compare(&of_scene(&development), &counts)
+        .compare(&of_scene(&development), &counts, surfaces.scale_known)
         .map_err(grid)?;
     let subject = Subject {
         capture,
@@ -68,9 +68,10 @@ pub(super) fn evaluate_capture(
     };
     let (mut runs, silent) = studied(roster, subject)?;
     report.silent = silent;
-    let found = runs
-        .iter()
-        .map(|run| surfaces.compare(&run.study.surfaces(), &counts));
+    let found = runs.iter().map(|run| {
+        let scale_known = run.scale_is_known(surfaces.scale_known);
+        surfaces.compare(&run.study.surfaces(), &counts, scale_known)
+    });
     let found: Vec<SceneReport> = found.collect::<Result<_, _>>().map_err(grid)?;
     report.scale_known &= truth.scale_known;
     tell(0.2);
@@ -205,7 +206,7 @@ struct TrueSurfaces {
     albedo: Option<LinearImage>,
     normal: Option<Plane<Vec3>>,
     roughness: Option<Plane<f32>>,
-    /// False when albedo is compared after its best scale.
+    /// False when nobody knows the scale of albedo.
     scale_known: bool,
 }
 
@@ -219,11 +220,12 @@ impl TrueSurfaces {
         })
     }
 
-    /// Compares what is in both.
+    /// Compares what is in both, albedo after its best scale unless that is known.
     fn compare(
         &self,
         found: &SurfaceAnswer<'_>,
         counts: &Plane<bool>,
+        scale_known: bool,
     ) -> Result<SceneReport, GridMismatch> {
         let size = counts.size();
         let mut report = SceneReport {
@@ -232,7 +234,7 @@ impl TrueSurfaces {
         };
         if let (Some(found), Some(truth)) = (&found.albedo, &self.albedo) {
             let mut found = stretched(found, size).into_owned();
-            if !self.scale_known {
+            if !scale_known {
                 let mut fit = ScaleFit::default();
                 fit.add_picture(&found, &truth.0, counts);
                 report.albedo_scale = fit.scale();

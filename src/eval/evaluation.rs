@@ -216,6 +216,7 @@ pub fn evaluate(
             .spoiling
             .as_ref()
             .map(|spoiling| StabilityReport::of(spoiling, roster, cells)),
+        light_sets: Vec::new(),
         published: PUBLISHED.to_vec(),
     })
 }

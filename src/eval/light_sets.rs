@@ -15,7 +15,7 @@ pub const COUNTS: [usize; 4] = [4, 16, 64, 256];
 const ROUNDS: usize = 5;
 
 /// One scene under one map, by every set.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct LightSetRun {
     /// The capture.
     pub capture: String,
@@ -37,7 +37,7 @@ impl LightSetRun {
 }
 
 /// How near a set comes, and what it takes.
-#[derive(Debug, Clone, Copy, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct SetFigures {
     /// Lights of it.
     pub lights: usize,
@@ -196,30 +196,4 @@ fn difference(reference: &Plane<[f32; 3]>, picture: &Plane<[f32; 3]>) -> f64 {
             .sum()
     };
     (pixels().map(square).sum::<f64>() / (3 * brightest.len()) as f64).sqrt()
-}
-
-/// All runs as CSV, a line per run and set; `asked` is `chosen` or a count.
-pub fn csv(runs: &[LightSetRun]) -> String {
-    let mut text = "capture,map,asked,lights,milliseconds,change_steps,dense_psnr_db,truth_psnr_db,noise_steps,capped\n".to_owned();
-    for run in runs {
-        let sets = std::iter::once(("chosen".to_owned(), &run.chosen))
-            .chain(COUNTS.iter().map(usize::to_string).zip(&run.fixed));
-        for (asked, set) in sets {
-            let truth = set
-                .truth_psnr_db
-                .map_or(String::new(), |db| format!("{db:.3}"));
-            text.push_str(&format!(
-                "{},{},{asked},{},{:.2},{:.4},{:.3},{truth},{:.4},{}\n",
-                super::csv::quoted(&run.capture),
-                super::csv::quoted(&run.map),
-                set.lights,
-                set.milliseconds,
-                set.change_steps,
-                set.dense_psnr_db,
-                run.noise_steps(),
-                run.found.capped
-            ));
-        }
-    }
-    text
 }

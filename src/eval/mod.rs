@@ -35,6 +35,7 @@ pub mod stability;
 pub mod summary;
 mod surface_error;
 mod table;
+pub mod without_flash;
 
 pub use auroc::auroc;
 pub use beside::{BesideError, OtherBackend, other_backends};

@@ -3,6 +3,7 @@
 use super::beside::OtherBackend;
 use super::cost::Cost;
 use super::light_error::{Decibel, LightError};
+use super::light_sets::LightSetRun;
 use super::made::Made;
 use super::ours::Chosen;
 use super::published::Published;
@@ -35,6 +36,8 @@ pub struct Report {
     pub other_backends: Vec<OtherBackend>,
     /// What captures made worse cost each row, where that was asked for.
     pub stability: Option<StabilityReport>,
+    /// Sets of lights for environment maps, where they were compared.
+    pub light_sets: Vec<LightSetRun>,
     /// What the reference method's authors printed, of other data.
     pub published: Vec<Published>,
 }

@@ -2,7 +2,9 @@
 //!
 //! Relit light is carried up as a ratio to the flash photograph, so that the photograph's own
 //! detail survives; the ratio is smooth wherever the relit picture differs from the photograph
-//! only by lamp and shadow (quotient images: Shashua & Riklin-Raviv 2001).
+//! only by lamp and shadow (quotient images: Shashua & Riklin-Raviv 2001). Between the four nearest
+//! ratios those of pixels that look like the photograph's count most, so that edges of things stay as
+//! sharp as they are there (joint bilateral upsampling: Kopf et al. 2007).
 
 use super::prepared::Relit;
 use crate::radiometry::LinearImage;
@@ -128,6 +130,42 @@ pub fn enlarge<T: Mix>(plane: &Plane<T>, width: usize, height: usize) -> Plane<T
 /// The part of the flash light's median below which a ratio to it means nothing.
 const FLOOR_SHARE: f32 = 0.05;
 
+/// How much unlike light counts against likeness, of the squared relative difference: of truth's own relit
+/// pictures at half to a quarter of their size the error at edges falls by a third, as it does with a
+/// Gaussian of the difference of logarithms, which takes longer.
+const UNLIKE: f32 = 200.0;
+/// What the most unlike neighbour still weighs, so that something weighs where all are unlike.
+const LEAST_LIKE: f32 = 1e-3;
+
+/// Four neighbours on the small grid, as the photograph's pixel `flash` weighs them: indices and weights,
+/// which sum to one. `None` where the nearest is unknown.
+fn guided(
+    weights: [(f32, usize); 4],
+    known: impl Fn(usize) -> bool,
+    guide: &[[f32; 3]],
+    flash: [f32; 3],
+) -> Option<[(f32, usize); 4]> {
+    let mut plain = 0.0;
+    let mut total = 0.0;
+    let found = weights.map(|(weight, index)| {
+        if !known(index) {
+            return (0.0, index);
+        }
+        plain += weight;
+        let (mut apart, mut sum) = (0.0, 0.0);
+        for (there, here) in guide[index].iter().zip(flash) {
+            apart += (there - here) * (there - here);
+            sum += (there + here) * (there + here);
+        }
+        let like = sum / (sum + UNLIKE * apart) + LEAST_LIKE;
+        // What is not known to be alike weighs as the most unlike.
+        let weight = weight * if like.is_nan() { LEAST_LIKE } else { like };
+        total += weight;
+        (weight, index)
+    });
+    (plain >= 0.5).then(|| found.map(|(weight, index)| (weight / total, index)))
+}
+
 /// A relit picture at the size of the photograph.
 ///
 /// `small` is the flash-only light on the grid of `relit`, `full` the photograph's own.
@@ -135,37 +173,55 @@ const FLOOR_SHARE: f32 = 0.05;
 pub fn enlarge_relit(relit: &Relit, small: &LinearImage, full: &LinearImage) -> Relit {
     let (width, height) = full.0.size();
     let floor = FLOOR_SHARE * median_level(small);
-    let quotient = {
-        let samples = relit
-            .light
-            .0
-            .samples()
-            .par_iter()
-            .zip(small.0.samples())
-            .map(|(relit, flash)| std::array::from_fn(|c| relit[c] / (flash[c].max(0.0) + floor)))
-            .collect();
-        Plane::new(small.0.width(), small.0.height(), samples).expect("one sample per pixel")
-    };
+    let lifted = |flash: &[f32; 3]| flash.map(|channel| channel.max(0.0) + floor);
+    let guide: Vec<[f32; 3]> = small.0.samples().par_iter().map(lifted).collect();
+    let relit_samples = relit.light.0.samples();
+    let quotient: Vec<[f32; 3]> = (relit_samples.par_iter().zip(&guide))
+        .map(|(relit, flash)| std::array::from_fn(|c| relit[c] / flash[c]))
+        .collect();
+    let shadows = relit.shadow.samples();
     let columns = places(small.0.width(), width);
     let rows = places(small.0.height(), height);
-    let mut light = vec![[f32::NAN; 3]; width * height];
-    light
-        .par_chunks_mut(width.max(1))
-        .zip(full.0.samples().par_chunks(width.max(1)))
+    let mut light = Plane::filled(width, height, [f32::NAN; 3]);
+    let mut shadow = Plane::filled(width, height, f32::NAN);
+    let lines = light.samples_mut().par_chunks_mut(width.max(1));
+    let lines = lines.zip(shadow.samples_mut().par_chunks_mut(width.max(1)));
+    let lines = lines.zip(full.0.samples().par_chunks(width.max(1)));
+    lines
         .zip(rows.par_iter())
-        .for_each(|((out, flash), &row)| {
-            for ((out, flash), &column) in out.iter_mut().zip(flash).zip(&columns) {
-                let ratio = at(&quotient, column, row);
-                *out = if ratio.is_known() && flash.is_known() {
-                    std::array::from_fn(|c| ratio[c] * (flash[c].max(0.0) + floor))
-                } else {
-                    at(&relit.light.0, column, row)
+        .for_each(|(((light, shadow), flash), &row)| {
+            let starts = [row.0 * small.0.width(), row.1 * small.0.width()];
+            let pixels = light.iter_mut().zip(shadow).zip(flash).zip(&columns);
+            for (((light, shadow), flash), &column) in pixels {
+                let (fx, fy) = (column.2, row.2);
+                let corners = [
+                    ((1.0 - fx) * (1.0 - fy), starts[0] + column.0),
+                    (fx * (1.0 - fy), starts[0] + column.1),
+                    ((1.0 - fx) * fy, starts[1] + column.0),
+                    (fx * fy, starts[1] + column.1),
+                ];
+                let known = |index: usize| quotient[index].is_known() && shadows[index].is_known();
+                let lit = lifted(flash);
+                let found = guided(corners, known, &guide, lit).filter(|_| flash.is_known());
+                let Some(found) = found else {
+                    *light = at(&relit.light.0, column, row);
+                    *shadow = at(&relit.shadow, column, row);
+                    continue;
                 };
+                let (mut ratio, mut share) = ([0.0f32; 3], 0.0);
+                for (weight, index) in found.into_iter().filter(|(weight, _)| *weight > 0.0) {
+                    for (sum, channel) in ratio.iter_mut().zip(quotient[index]) {
+                        *sum += weight * channel;
+                    }
+                    share += weight * shadows[index];
+                }
+                *light = std::array::from_fn(|c| ratio[c] * lit[c]);
+                *shadow = share;
             }
         });
     Relit {
-        light: LinearImage(Plane::new(width, height, light).expect("one sample per pixel")),
-        shadow: enlarge(&relit.shadow, width, height),
+        light: LinearImage(light),
+        shadow,
         unseen_path_fraction: relit.unseen_path_fraction,
     }
 }
@@ -221,6 +277,29 @@ mod tests {
         let large = enlarge_relit(&relit, &small, &full);
         for (relit, flash) in large.light.0.samples().iter().zip(full.0.samples()) {
             assert!((relit[0] - 0.5 * flash[0]).abs() < 0.02);
+        }
+    }
+
+    #[test]
+    fn an_edge_of_the_photograph_stays_as_sharp_when_it_is_relit() {
+        // A dark thing before a bright wall; the lamp lights the thing twice as much, the wall half as much.
+        let side = |x: usize| if x < 22 { 0.1 } else { 0.8 };
+        let relit_side = |x: usize| if x < 22 { 0.2 } else { 0.4 };
+        let full = LinearImage(Plane::from_fn(64, 8, |x, _| [side(x); 3]));
+        let means = |of: &dyn Fn(usize) -> f32| {
+            Plane::from_fn(16, 2, |x, _| {
+                [(4 * x..4 * x + 4).map(of).sum::<f32>() / 4.0; 3]
+            })
+        };
+        let relit = Relit {
+            light: LinearImage(means(&relit_side)),
+            shadow: Plane::from_fn(16, 2, |x, _| if x < 5 { 0.0 } else { 1.0 }),
+            unseen_path_fraction: 0.0,
+        };
+        let large = enlarge_relit(&relit, &LinearImage(means(&side)), &full);
+        for x in (4..20).chain(24..60) {
+            let found = large.light.0[(x, 4)][0];
+            assert!((found / relit_side(x) - 1.0).abs() < 0.12, "{x}: {found}");
         }
     }
 }

@@ -144,7 +144,7 @@ pub(super) fn heading<B: DrawingBackend>(
 /// on white), one per row number; rows that share a number take paler shades of it in turn, the
 /// fourth a darker one.
 pub(super) fn row_color(label: &str) -> RGBColor {
-    const COLORS: [[f64; 3]; 8] = [
+    const COLORS: [[f64; 3]; 9] = [
         [0.0, 0.0, 0.0],
         [230.0, 159.0, 0.0],
         [0.0, 114.0, 178.0],
@@ -153,6 +153,7 @@ pub(super) fn row_color(label: &str) -> RGBColor {
         [86.0, 180.0, 233.0],
         [190.0, 174.0, 0.0],
         [0.0, 158.0, 115.0],
+        [120.0, 80.0, 160.0],
     ];
     const PALER: [f64; 4] = [0.0, 0.4, 0.65, -0.5];
     let letters = label.trim_start_matches(|letter: char| letter.is_ascii_digit());

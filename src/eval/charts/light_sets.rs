@@ -1,8 +1,6 @@
 //! Sets of lights for environments: milliseconds against the change of the picture.
 
-use super::canvas::{
-    self, Canvas, Chart, ChartError, Drawn, FAINT, HAIR, HPos, INK, VPos, heading, row_color, text,
-};
+use super::canvas::{Canvas, Chart, Drawn, FAINT, HAIR, HPos, INK, VPos, heading, row_color, text};
 use crate::eval::light_sets::{COUNTS, LightSetRun, SetFigures};
 use plotters::prelude::*;
 
@@ -16,7 +14,8 @@ const TICKS: [f64; 14] = [
     0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0,
 ];
 
-struct LightSets<'a>(&'a [LightSetRun]);
+/// All runs; at least one.
+pub(super) struct LightSets<'a>(pub &'a [LightSetRun]);
 
 /// A median and the run between which nine of ten lie.
 struct Spread([f64; 3]);
@@ -28,17 +27,6 @@ impl Spread {
         let at = |share: f64| values[((values.len() - 1) as f64 * share).round() as usize];
         Self([at(0.05), at(0.5), at(0.95)])
     }
-}
-
-/// Draws `light_sets.svg` and `light_sets.png`; nothing where there are no runs.
-///
-/// # Errors
-/// [`ChartError::Drawing`] when a picture cannot be drawn.
-pub fn light_sets(runs: &[LightSetRun]) -> Result<Vec<(String, Vec<u8>)>, ChartError> {
-    if runs.is_empty() {
-        return Ok(Vec::new());
-    }
-    Ok(canvas::encode(&LightSets(runs), "light_sets")?.into())
 }
 
 /// One set of lights over all runs.

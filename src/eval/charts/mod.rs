@@ -17,23 +17,23 @@ mod timing;
 use super::report::Report;
 use super::savings::Savings;
 pub use canvas::ChartError;
-pub use light_sets::light_sets;
 pub use timing::timing;
 
 /// Stems of the charts that a report may have, but for one `hemisphere_ROW` per row that relit
 /// something.
-pub(super) const CHARTS: [&str; 7] = [
+pub(super) const CHARTS: [&str; 8] = [
     "rows",
     "speed_accuracy",
     "angle_curves",
     "regions",
     "parsimony",
     "stability",
+    "light_sets",
     "polar_maps",
 ];
 
 /// Draws every chart of a report, each as PNG and as SVG: `CHARTS` (`stability` where captures
-/// were made worse), and one `hemisphere_ROW` per row that relit something. File names and contents.
+/// were made worse, `light_sets` where those were compared), and one `hemisphere_ROW` per row that relit something. File names and contents.
 ///
 /// # Errors
 /// [`ChartError::Drawing`] when a picture cannot be drawn.
@@ -61,6 +61,10 @@ pub fn draw(report: &Report) -> Result<Vec<(String, Vec<u8>)>, ChartError> {
             &stability_curves::StabilityCurves::new(stability),
             "stability",
         )?);
+    }
+    if !report.light_sets.is_empty() {
+        let sets = light_sets::LightSets(&report.light_sets);
+        files.extend(canvas::encode(&sets, "light_sets")?);
     }
     let scales = color_scales::ColorScales::new(report);
     files.extend(canvas::encode(

@@ -6,9 +6,13 @@ use crate::eval::report::Report;
 use crate::eval::summary::{RowFigures, RowSummary};
 use plotters::prelude::*;
 
-const WIDTH: i32 = 1180;
+const WIDTH: i32 = 1240;
 /// At least; more rows make it higher.
 const HEIGHT: i32 = 640;
+/// Below the plot: its axis.
+const FOOT: i32 = 80;
+/// A label's letters and lines, pixels.
+const LETTER: (i32, i32) = (8, 16);
 /// Radius of a dot without parameters, pixels.
 const LEAST_RADIUS: f64 = 6.0;
 /// Parameters that make a dot twice as large.
@@ -24,7 +28,8 @@ const MARKS: [&str; 6] = [
     "whisker: down to the worst direction of the light",
     "grey line: Pareto front of clean depth",
 ];
-const PLOT: [(i32, i32); 2] = [(90, 110), (700, 560)];
+/// Upper left corner and right side of the plot; it is as high as the legend.
+const PLOT: ((i32, i32), i32) = ((90, 110), 740);
 
 /// All rows of one report.
 pub(super) struct SpeedAccuracy<'a> {
@@ -109,7 +114,8 @@ impl<'a> SpeedAccuracy<'a> {
     }
 
     fn plot<B: DrawingBackend>(&self, area: &Canvas<B>) -> Drawn<B> {
-        let [(left, top), (right, bottom)] = PLOT;
+        let ((left, top), right) = PLOT;
+        let bottom = self.size().1 as i32 - FOOT;
         let ((first, last), (low, high)) = self.ranges();
         let x = |milliseconds: f64| {
             let share = (milliseconds.log10() - f64::from(first)) / f64::from(last - first);
@@ -135,7 +141,10 @@ impl<'a> SpeedAccuracy<'a> {
             let style = text(8, INK, HPos::Right, VPos::Center);
             area.draw_text(&decibel.to_string(), &style, (left - 8, at))?;
         }
-        area.draw(&Rectangle::new(PLOT, INK.stroke_width(1)))?;
+        area.draw(&Rectangle::new(
+            [(left, top), (right, bottom)],
+            INK.stroke_width(1),
+        ))?;
         let middle = (left + right) / 2;
         let style = text(9, INK, HPos::Center, VPos::Top);
         area.draw_text(
@@ -158,7 +167,19 @@ impl<'a> SpeedAccuracy<'a> {
         front.extend(front.last().map(|&(_, level)| (right, level)));
         area.draw(&PathElement::new(front, FAINT.stroke_width(2)))?;
 
-        let mut labels: Vec<(i32, i32)> = Vec::new();
+        let places: Vec<Place> = (self.points.iter())
+            .map(|point| {
+                let centre = (x(point.milliseconds), y(point.mean_db));
+                let radius = point.radius();
+                let words = LETTER.0 * point.words.chars().count() as i32;
+                Place {
+                    centre,
+                    radius,
+                    words,
+                }
+            })
+            .collect();
+        let labels = labels(&places, [(left, top), (right, bottom)]);
         for point in &self.points {
             let color = row_color(&point.label);
             let (at, mean, worst) = (x(point.milliseconds), y(point.mean_db), y(point.worst_db));
@@ -177,39 +198,17 @@ impl<'a> SpeedAccuracy<'a> {
             } else {
                 area.draw(&Circle::new((at, mean), radius, color.filled()))?;
             }
-            // A number beside another dot would be read as that dot's: then it goes to the left.
-            let crowded = self.points.iter().any(|other| {
-                let gap = x(other.milliseconds) - at;
-                (&other.words, other.noisy) != (&point.words, point.noisy)
-                    && (0..40).contains(&gap)
-                    && (y(other.mean_db) - mean).abs() < 30
-            });
-            let (side, offset) = if crowded {
-                (HPos::Right, -radius - 3)
-            } else {
-                (HPos::Left, radius + 3)
-            };
-            let label = text(9, INK, side, VPos::Bottom);
-            let mut place = (at + offset, mean - 4);
-            // Dots that coincide have their labels above each other.
-            let taken = |place: (i32, i32), labels: &[(i32, i32)]| {
-                let near = |other: &(i32, i32)| {
-                    (other.0 - place.0).abs() < 28 && (other.1 - place.1).abs() < 16
-                };
-                labels.iter().any(near)
-            };
-            while taken(place, &labels) {
-                place.1 -= 17;
-            }
-            labels.push(place);
-            area.draw_text(&point.words, &label, place)?;
+        }
+        for (point, place) in self.points.iter().zip(labels) {
+            let style = text(9, INK, HPos::Left, VPos::Top);
+            area.draw_text(&point.words, &style, place)?;
         }
         Ok(())
     }
 
     fn legend<B: DrawingBackend>(&self, area: &Canvas<B>) -> Drawn<B> {
-        let x = PLOT[1].0 + 40;
-        let mut y = PLOT[0].1;
+        let x = PLOT.1 + 40;
+        let mut y = PLOT.0.1;
         let left = |size, color| text(size, color, HPos::Left, VPos::Center);
         for summary in &self.report.rows {
             let drawn = self.points.iter().any(|point| point.label == summary.label);
@@ -236,7 +235,7 @@ impl<'a> SpeedAccuracy<'a> {
 impl Chart for SpeedAccuracy<'_> {
     fn size(&self) -> (u32, u32) {
         let legend = ENTRY * self.report.rows.len() as i32 + 20 * MARKS.len() as i32 + 20;
-        (WIDTH as u32, HEIGHT.max(PLOT[0].1 + legend) as u32)
+        (WIDTH as u32, HEIGHT.max(PLOT.0.1 + legend) as u32)
     }
 
     fn draw<B: DrawingBackend>(&self, area: &Canvas<B>) -> Drawn<B> {
@@ -259,6 +258,52 @@ impl Chart for SpeedAccuracy<'_> {
         self.plot(area)?;
         self.legend(area)
     }
+}
+
+/// A dot and the width of what is written beside it, pixels.
+struct Place {
+    centre: (i32, i32),
+    radius: i32,
+    words: i32,
+}
+
+/// Upper left corners of the labels: each as near to its dot as it stands clear of every dot, of the labels before it
+/// and of the plot's frame.
+fn labels(places: &[Place], [(left, top), (right, bottom)]: [(i32, i32); 2]) -> Vec<(i32, i32)> {
+    let mut taken: Vec<[i32; 4]> = places
+        .iter()
+        .map(
+            |Place {
+                 centre: (x, y),
+                 radius,
+                 ..
+             }| [x - radius, y - radius, x + radius, y + radius],
+        )
+        .collect();
+    let mut found = Vec::with_capacity(places.len());
+    for Place {
+        centre: (x, y),
+        radius,
+        words,
+    } in places
+    {
+        let beside = [x + radius + 3, x - radius - 3 - words, x - words / 2];
+        let rows = (1..60)
+            .flat_map(|step| [1 - step, step])
+            .map(|step| y - LETTER.1 / 2 + 6 * step);
+        let mut corners = rows.flat_map(|row| beside.map(|column| (column, row)));
+        let clear = |&(x, y): &(i32, i32)| {
+            let [ends_x, ends_y] = [x + words, y + LETTER.1];
+            let inside = x > left && ends_x < right && y > top && ends_y < bottom;
+            let apart =
+                |[a, b, c, d]: &[i32; 4]| x >= *c || ends_x <= *a || y >= *d || ends_y <= *b;
+            inside && taken.iter().all(apart)
+        };
+        let corner = corners.find(clear).unwrap_or((beside[0], *y));
+        taken.push([corner.0, corner.1, corner.0 + words, corner.1 + LETTER.1]);
+        found.push(corner);
+    }
+    found
 }
 
 /// Up to four names, or how many there are.
@@ -284,10 +329,10 @@ fn detail(summary: &RowSummary) -> String {
         .map_or("time unknown".to_owned(), |time| format!("{time:.2} ms"));
     let mean = mean.linear_psnr_db;
     let networks = match (&summary.backend, summary.parameters) {
-        (Some(_), Some(parameters)) => format!(", {:.1} M parameters", parameters as f64 / 1e6),
+        (Some(_), Some(parameters)) => format!(", {:.1} M param.", parameters as f64 / 1e6),
         _ => String::new(),
     };
-    format!("{time}, mean {mean} dB, worst light {worst} dB{networks}")
+    format!("{time}, {mean} dB, worst light {worst} dB{networks}")
 }
 
 fn point(summary: &RowSummary, figures: Option<&RowFigures>, noisy: bool) -> Option<Point> {

@@ -2,6 +2,7 @@
 
 mod html;
 mod sheet;
+mod light_set_table;
 mod stability_tables;
 mod tables;
 
@@ -44,12 +45,13 @@ pub(super) fn files(
 }
 
 /// Stems of all tables of the page.
-pub(super) const TABLES: [&str; 8] = [
+pub(super) const TABLES: [&str; 9] = [
     "methods",
     "errors",
     "growth",
     "growth_by_corruption",
     "detectors",
+    "light_sets",
     "regions",
     "captures",
     "savings",
@@ -112,6 +114,16 @@ impl Page<'_> {
             text.push_str("<details><summary>Terms of every capture</summary>\n");
             show(&mut text, tables::savings(&savings));
             text.push_str("</details>\n");
+        }
+
+        section(&mut text, "environments", "Environments by few lights");
+        if report.light_sets.is_empty() {
+            text.push_str(
+                "<p>Missing: no sets of lights were compared (<code>--light-sets</code>).</p>\n",
+            );
+        } else {
+            text.push_str(&self.chart("light_sets"));
+            show(&mut text, light_set_table::light_sets(&report.light_sets));
         }
 
         section(&mut text, "directions", "Where the light stands");
@@ -182,6 +194,7 @@ impl Page<'_> {
             ("speed", "Speed"),
             ("stability", "Stability"),
             ("parsimony", "Parsimony"),
+            ("environments", "Environments"),
             ("directions", "Directions"),
             ("regions", "Regions"),
             ("captures", "Captures"),
