@@ -78,6 +78,8 @@ fn nothing_in_the_service_makes_every_caller_look_the_same_or_hides_the_lamps() 
     );
     for needed in [
         "Type=notify",
+        // Not the name of a group in captured.sysusers: the service would end with 217/USER.
+        "User=captured-daemon",
         "ExecStopPost=/usr/bin/capturectl lamps-off",
         "ReadWritePaths=-/sys/class/leds -/sys/devices",
         "MemoryDenyWriteExecute=yes",
