@@ -10,7 +10,14 @@ use clap::Parser;
 use listenfd::ListenFd;
 use miette::{Context, IntoDiagnostic};
 use sd_notify::NotifyState;
-use std::{path::PathBuf, sync::Arc, time::Duration};
+use std::{
+    path::PathBuf,
+    sync::{
+        Arc,
+        mpsc::{Receiver, SyncSender, sync_channel},
+    },
+    time::Duration,
+};
 use tokio::{
     net::{TcpListener, UnixListener},
     signal::unix::{SignalKind, signal},
@@ -18,6 +25,8 @@ use tokio::{
 };
 use tracing_subscriber::{EnvFilter, layer::SubscriberExt, util::SubscriberInitExt};
 
+/// Longest wait for a service manager to hear of the end.
+const FAREWELL: Duration = Duration::from_secs(1);
 /// Between two signs of life where the service manager asks for none.
 const USUAL_PERIOD: Duration = Duration::from_secs(5);
 
@@ -38,6 +47,7 @@ fn main() -> miette::Result<()> {
 }
 
 async fn run(arguments: DaemonArguments, config: Config) -> miette::Result<()> {
+    let (manager, all_told) = Manager::new()?;
     let (listeners, own_socket) = listeners(&config).await?;
     let mut terminate = signal(SignalKind::terminate()).into_diagnostic()?;
     let mut interrupt = signal(SignalKind::interrupt()).into_diagnostic()?;
@@ -47,11 +57,11 @@ async fn run(arguments: DaemonArguments, config: Config) -> miette::Result<()> {
             _ = interrupt.recv() => {}
         }
         tracing::info!("stopping");
-        tell(&[NotifyState::Stopping]);
+        manager.tell(&[NotifyState::Stopping]);
     };
     let devices = config.devices.join(", ");
     let (changed, current) = watch::channel(Arc::new(config));
-    let reloading = tokio::spawn(reload(arguments, changed));
+    let reloading = tokio::spawn(reload(arguments, changed, manager.clone()));
     // Half of what the manager waits, so that one sign may come late.
     let period = sd_notify::watchdog_enabled().map_or(USUAL_PERIOD, |most| most / 2);
     let mut ready = |page: Option<&str>| {
@@ -59,23 +69,28 @@ async fn run(arguments: DaemonArguments, config: Config) -> miette::Result<()> {
         if page.is_some() {
             tracing::info!("viewer: `capturectl viewer` says its address");
         }
-        tell(&[NotifyState::Ready]);
+        manager.tell(&[NotifyState::Ready]);
     };
     let signs = Signs {
         ready: &mut ready,
-        alive: &mut || tell(&[NotifyState::Watchdog]),
+        alive: &mut || manager.tell(&[NotifyState::Watchdog]),
         period,
     };
     let served = serve(current, listeners, signs, stop)
         .await
         .into_diagnostic();
     reloading.abort();
+    // It ended as it was told, if at all.
+    drop(reloading.await);
     // Whoever comes next finds no daemon rather than a dead one.
     if let Some(socket) = own_socket
         && let Err(error) = std::fs::remove_file(&socket)
     {
         tracing::warn!("{}: {error}", socket.display());
     }
+    drop(manager);
+    // Until the last is told; its end is an error of the receiver.
+    let _ = all_told.recv_timeout(FAREWELL);
     served
 }
 
@@ -111,13 +126,13 @@ async fn listeners(config: &Config) -> miette::Result<(Listeners, Option<PathBuf
 }
 
 /// Reads the configuration again at every SIGHUP; one that cannot be used changes nothing.
-async fn reload(arguments: DaemonArguments, changed: watch::Sender<Arc<Config>>) {
+async fn reload(arguments: DaemonArguments, changed: watch::Sender<Arc<Config>>, manager: Manager) {
     let Ok(mut hangup) = signal(SignalKind::hangup()) else {
         tracing::error!("SIGHUP cannot be handled; a changed configuration takes a restart");
         return;
     };
     while hangup.recv().await.is_some() {
-        tell(&[
+        manager.tell(&[
             NotifyState::Reloading,
             NotifyState::monotonic_usec_now().unwrap_or(NotifyState::MonotonicUsec(0)),
         ]);
@@ -133,7 +148,7 @@ async fn reload(arguments: DaemonArguments, changed: watch::Sender<Arc<Config>>)
                 tracing::error!("the last good configuration stays: {error}");
             }
         }
-        tell(&[NotifyState::Ready]);
+        manager.tell(&[NotifyState::Ready]);
     }
 }
 
@@ -170,9 +185,34 @@ fn speak() {
     }
 }
 
-/// Tells the service manager, where there is one.
-fn tell(states: &[NotifyState<'_>]) {
-    if let Err(error) = sd_notify::notify(states) {
-        tracing::warn!("the service manager was not told: {error}");
+/// Tells the service manager, where there is one. It does so on a thread of its own: a manager that does
+/// not listen fills its socket, and whoever writes to that waits for ever.
+#[derive(Clone)]
+struct Manager(SyncSender<Vec<NotifyState<'static>>>);
+
+impl Manager {
+    /// Starts its thread, whose end is told through the receiver once nobody has anything to tell.
+    fn new() -> miette::Result<(Self, Receiver<()>)> {
+        let (sender, told) = sync_channel::<Vec<NotifyState<'static>>>(8);
+        let (ended, end) = sync_channel(0);
+        let telling = move || {
+            let _ended: SyncSender<()> = ended;
+            for states in told {
+                if let Err(error) = sd_notify::notify(&states) {
+                    tracing::warn!("the service manager was not told: {error}");
+                }
+            }
+        };
+        std::thread::Builder::new()
+            .name("manager".to_owned())
+            .spawn(telling)
+            .into_diagnostic()
+            .wrap_err("a thread cannot start")?;
+        Ok((Self(sender), end))
+    }
+
+    fn tell(&self, states: &[NotifyState<'static>]) {
+        // One that has not heard the last eight will not miss this one.
+        drop(self.0.try_send(states.to_vec()));
     }
 }

@@ -1,6 +1,7 @@
 //! The daemon as its clients meet it: a process behind a Unix socket.
 
 mod api;
+mod hostile;
 mod measured;
 mod reliability;
 mod requests;
@@ -35,12 +36,17 @@ impl Daemon {
 
     /// Starts a daemon on devices, with a configuration file, and waits until it says that it is ready.
     pub fn start_with(config: &str, devices: &[&str]) -> Self {
+        Self::start_among(config, devices, &[])
+    }
+
+    /// [`Self::start_with`] more of an environment.
+    pub fn start_among(config: &str, devices: &[&str], environment: &[(&str, &str)]) -> Self {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join("captured.toml"), config).unwrap();
         let notifications = UnixDatagram::bind(folder.path().join("notify")).unwrap();
         notifications.set_read_timeout(Some(PATIENCE)).unwrap();
         let devices: Vec<String> = devices.iter().map(|device| (*device).to_owned()).collect();
-        let process = Self::spawn(&folder, &devices);
+        let process = Self::spawn(&folder, &devices, environment);
         let daemon = Self {
             folder,
             notifications,
@@ -53,17 +59,22 @@ impl Daemon {
 
     /// Starts it again in the same folders, once it has ended.
     pub fn restart(&mut self) {
-        self.process = Self::spawn(&self.folder, &self.devices);
+        self.process = Self::spawn(&self.folder, &self.devices, &[]);
         while self.notification() != "READY=1" {}
     }
 
-    fn spawn(folder: &tempfile::TempDir, devices: &[String]) -> Child {
+    fn spawn(
+        folder: &tempfile::TempDir,
+        devices: &[String],
+        environment: &[(&str, &str)],
+    ) -> Child {
         let log = std::fs::File::options()
             .append(true)
             .create(true)
             .open(folder.path().join("log"))
             .unwrap();
         Self::command(folder, devices)
+            .envs(environment.iter().copied())
             .stderr(log)
             .spawn()
             .expect("captured is built")
