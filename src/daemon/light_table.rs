@@ -1,8 +1,8 @@
 //! Kept shots in memory, ready for any light: what a dragged light asks.
 
-use super::picture::{Encoded, Picture};
+use super::picture::Picture;
 use crate::{
-    api::{CheckedLights, Detail, Fault, FaultKind, Layer, PictureFormat},
+    api::{CheckedLights, Detail, Fault, FaultKind, Layer},
     config::Capture,
     develop::{Development, Options, develop},
     output::{FRAMES, Tone},
@@ -28,14 +28,12 @@ pub(super) struct Look {
     pub folder: PathBuf,
     /// What to show.
     pub layer: Layer,
-    /// In which bytes.
-    pub format: PictureFormat,
     /// How fine.
     pub detail: Detail,
     /// Under which lights.
     pub lights: CheckedLights,
-    /// Hears of the picture.
-    pub reply: oneshot::Sender<Result<Encoded, Fault>>,
+    /// Hears of the picture. It is packed elsewhere, while the table turns to the next light.
+    pub reply: oneshot::Sender<Result<Picture, Fault>>,
 }
 
 /// A shot on the table.
@@ -72,7 +70,7 @@ pub(super) fn run(looks: &Receiver<Look>) {
     }
 }
 
-fn answer(table: &mut Vec<Lying>, look: &Look) -> Result<Encoded, Fault> {
+fn answer(table: &mut Vec<Lying>, look: &Look) -> Result<Picture, Fault> {
     let at = table
         .iter()
         .position(|lying| lying.id == look.id && lying.detail == look.detail);
@@ -85,11 +83,7 @@ fn answer(table: &mut Vec<Lying>, look: &Look) -> Result<Encoded, Fault> {
     };
     let picture = lying.picture(look);
     table.insert(0, lying);
-    picture?.encoded(look.format).map_err(|problem| Fault {
-        kind: FaultKind::Daemon,
-        message: problem,
-        remedy: None,
-    })
+    picture
 }
 
 /// Light from everywhere.

@@ -256,16 +256,29 @@ fn pictures_per_second_while_the_light_is_dragged() {
     let Some(mut page) = Page::open(1280, 900, false) else {
         return;
     };
-    let daemon = Daemon::start("synthetic:desk?width=512&height=512");
-    daemon.capturectl(&["shoot"]);
-    page.go(&daemon.capturectl(&["viewer"]));
-    page.wait(IDLE);
-    let size = page.value(
-        "[document.getElementById('picture').width, document.getElementById('picture').height]",
-    );
-    eprintln!(
-        "figure | dragging the light at {size} | {:.1} pictures a second",
-        rate(&mut page)
-    );
-    assert!(page.value(BRIGHTNESS).as_f64().unwrap() > 5.0);
+    for (size, full) in [
+        ("width=512&height=512", false),
+        ("width=1920&height=1080", false),
+        ("width=1920&height=1080", true),
+    ] {
+        let daemon = Daemon::start(&format!("synthetic:desk?{size}"));
+        daemon.capturectl(&["shoot"]);
+        page.go(&daemon.capturectl(&["viewer"]));
+        page.wait(IDLE);
+        if full {
+            page.click("#full");
+            page.wait("document.getElementById('picture').width === 1920");
+            page.wait(IDLE);
+        }
+        let shown = page.value(
+            "`${document.getElementById('picture').width} × ${document.getElementById('picture').height}`",
+        );
+        eprintln!(
+            "figure | dragging the light, photograph of {}, shown at {} | {:.1} pictures a second",
+            size.replace("width=", "").replace("&height=", " × "),
+            shown.as_str().unwrap(),
+            rate(&mut page)
+        );
+        assert!(page.value(BRIGHTNESS).as_f64().unwrap() > 5.0);
+    }
 }

@@ -324,7 +324,6 @@ pub(super) async fn view(
         id,
         folder: frames.parent().map(Into::into).unwrap_or_default(),
         layer: request.layer,
-        format: request.format,
         detail: request.detail,
         lights,
         reply,
@@ -341,9 +340,15 @@ pub(super) async fn view(
             TrySendError::Full(_) => unavailable("too many look at once"),
             TrySendError::Disconnected(_) => unavailable("the light table's thread has ended"),
         })?;
-    let encoded = answer
+    let picture = answer
         .await
         .map_err(|_| unavailable("the light table's thread has ended"))??;
+    let encoded = tokio::task::spawn_blocking(move || picture.encoded(request.format));
+    let encoded = encoded.await.map_err(broken)?.map_err(|problem| Fault {
+        kind: crate::api::FaultKind::Daemon,
+        message: format!("the picture cannot be packed: {problem}"),
+        remedy: Some("ask for another format".to_owned()),
+    })?;
     daemon.metrics.views.inc();
     Ok(encoded.response(&[]))
 }

@@ -44,6 +44,8 @@ let shown = 0;
 let wish = false;
 const drawn = [];
 
+const detail = () => ($("full").checked ? "full" : "quick");
+
 /** What is wanted of the daemon now. */
 function wanted() {
   const strength = Number($("brightness").value);
@@ -53,6 +55,7 @@ function wanted() {
   const around = state.sky && lightsOf(state.skies[state.sky], state.turn);
   return {
     layer: state.layer,
+    detail: detail(),
     lights,
     ...(around ? { environment: { name: state.sky, lights: around } } : {}),
   };
@@ -169,11 +172,18 @@ $("map-file").addEventListener("change", async () => {
 });
 for (const id of ["brightness", "warmth"]) $(id).addEventListener("input", refresh);
 
+$("full").addEventListener("change", async () => {
+  busy("developing for the light table…");
+  await refresh();
+  await compare();
+  busy();
+});
+
 $("compare").addEventListener("change", compare);
 async function compare() {
   if (!$("compare").checked || !state.shot) return picture.compare(null);
   try {
-    picture.compare(await api.view(state.shot, { layer: "flash" }));
+    picture.compare(await api.view(state.shot, { layer: "flash", detail: detail() }));
   } catch (error) {
     fail(error);
   }
