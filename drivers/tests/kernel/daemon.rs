@@ -20,7 +20,7 @@ use std::{
 const COLOR: &str = "/dev/video0";
 const DEPTH: &str = "/dev/video1";
 const LED: &str = "/sys/module/fakeflash/parameters";
-const FOLDER: &str = "/tmp/daemon";
+pub const FOLDER: &str = "/tmp/daemon";
 const SOCKET: &str = "/tmp/daemon/captured.sock";
 
 /// `V4L2_CID_BRIGHTNESS`, and what plays the room alone and the room with the flash.
@@ -31,7 +31,7 @@ const LIT: i64 = 200;
 /// `longest_seconds`, 10 % for a timer that runs slowly, and the kernel's ticks.
 const BOUND: Duration = Duration::from_millis(150 + 15 + 12);
 
-const CAMERA: &str = r#"
+pub const CAMERA: &str = r#"
 model = "two virtual cameras"
 
 [color]
@@ -58,18 +58,18 @@ kind = "subdevice"
 longest_seconds = 0.15
 "#;
 
-fn lit() -> bool {
+pub fn lit() -> bool {
     number(&format!("{LED}/strobing")) == 1
 }
 
 /// The scene before the color camera: brighter while the LED shines.
-struct Scene {
+pub struct Scene {
     over: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Scene {
-    fn begin() -> Self {
+    pub fn begin() -> Self {
         set_control(COLOR, BRIGHTNESS, ROOM);
         let over = Arc::new(AtomicBool::new(false));
         let watched = Arc::clone(&over);
@@ -157,7 +157,7 @@ fn log_text() -> String {
     fs::read_to_string(format!("{FOLDER}/log")).unwrap_or_default()
 }
 
-fn capturectl(arguments: &[&str]) -> Command {
+pub fn capturectl(arguments: &[&str]) -> Command {
     let mut command = Command::new("capturectl");
     command
         .arg("--config")
@@ -167,7 +167,7 @@ fn capturectl(arguments: &[&str]) -> Command {
 }
 
 /// Runs it to its end; what it said is shown where it failed and should not have.
-fn succeeds(arguments: &[&str]) -> String {
+pub fn succeeds(arguments: &[&str]) -> String {
     let output = capturectl(arguments).output().unwrap();
     let said = said(&output);
     assert!(
@@ -178,7 +178,7 @@ fn succeeds(arguments: &[&str]) -> String {
     said
 }
 
-fn said(output: &Output) -> String {
+pub fn said(output: &Output) -> String {
     let both = [&output.stdout[..], &output.stderr[..]].concat();
     String::from_utf8_lossy(&both).trim().to_owned()
 }
@@ -191,7 +191,7 @@ fn frames(folder: &str) -> Vec<Frame> {
 }
 
 /// Every file of a shot is as it was written, and its pixels say what its labels do.
-fn is_whole_and_labelled_right(folder: &str) {
+pub fn is_whole_and_labelled_right(folder: &str) {
     succeeds(&["info", folder]);
     let manifest = fs::read_to_string(format!("{folder}/shot.json")).unwrap();
     let manifest: serde_json::Value = serde_json::from_str(&manifest).unwrap();
@@ -249,7 +249,7 @@ fn idle_loss_is_told_and_mended() {
     returns.sort();
     let worst = |times: &[Duration]| times[times.len() - 1];
     eprintln!(
-        "{cycles} times unplugged while idle: told within {:?} (median {:?}), ready again within {:?} \
+        "figure | a real kernel's camera unplugged while the daemon is idle | {cycles} times; told within {:?} (median {:?}), ready again within {:?} \
          (median {:?})",
         worst(&losses),
         losses[cycles / 2],
@@ -360,7 +360,7 @@ fn a_daemon_killed_while_its_flash_burns_leaves_it_dark_and_its_shots_whole() {
         assert!(!client.wait().unwrap().success(), "a shot of a dead daemon");
     }
     eprintln!(
-        "of {times} daemons killed in a flash, the last light was {longest:?} after its beginning"
+        "figure | SIGKILL in the middle of a flash, a real kernel's LED | {times} times; the last light was {longest:?} after its beginning"
     );
     assert!(longest <= BOUND, "{longest:?}");
     // Another one takes over what is left, and photographs.

@@ -5,5 +5,6 @@
 mod daemon;
 mod flash;
 mod machine;
+mod unit;
 mod usb;
 mod vivid;
