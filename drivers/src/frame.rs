@@ -1,6 +1,6 @@
 //! What a device delivers: color and depth frames with their time, light and exposure.
 
-use crate::plane::Plane;
+use crate::{jpeg::luma_of_jpeg, plane::Plane};
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
@@ -222,10 +222,12 @@ const SAMPLES: usize = 128;
 
 impl ColorFrame {
     /// Light of some 16 000 samples spread over the picture, as fractions of white, at most 1: of the
-    /// brightest channel, or of luma. `None` for pictures that would first have to be decoded.
+    /// brightest channel, or of luma. JPEG pictures are decoded for it; `None` for one that is not what
+    /// the frame says.
     pub fn sampled_light(&self) -> Option<Vec<f32>> {
         let (width, height) = self.pixels.size();
         let limited = |luma: u8| (f32::from(luma) - 16.0) / 219.0;
+        let decoded;
         let value: &dyn Fn(usize, usize) -> f32 = match &self.pixels {
             Pixels::Bayer { samples, .. } => &|x, y| f32::from(samples[(x, y)]) / 65535.0,
             Pixels::Yuyv { bytes, .. } => &|x, y| limited(bytes[2 * (y * width + x)]),
@@ -233,7 +235,10 @@ impl ColorFrame {
             Pixels::Rgb8(plane) => &|x, y| f32::from(brightest(plane[(x, y)])) / 255.0,
             Pixels::Rgb16(plane) => &|x, y| f32::from(brightest(plane[(x, y)])) / 65535.0,
             Pixels::RgbF32(plane) => &|x, y| plane[(x, y)].into_iter().fold(0.0, f32::max),
-            Pixels::Mjpg { .. } => return None,
+            Pixels::Mjpg { bytes, .. } => {
+                decoded = luma_of_jpeg(bytes, width, height)?;
+                &|x, y| f32::from(decoded[y * width + x]) / 255.0
+            }
         };
         // An odd step visits all four filters of a Bayer picture.
         let step = |side: usize| (side / SAMPLES) | 1;

@@ -1,6 +1,13 @@
 //! Pictures as cameras compress them.
 
 use crate::plane::Plane;
+use zune_jpeg::{
+    JpegDecoder,
+    zune_core::{bytestream::ZCursor, colorspace::ColorSpace, options::DecoderOptions},
+};
+
+/// Scans a progressive JPEG may have; each one costs a pass over all blocks.
+const MOST_SCANS: usize = 64;
 
 /// The picture as baseline JPEG of a `quality` in 1..=100.
 ///
@@ -19,6 +26,23 @@ pub fn jpeg(picture: &Plane<[u8; 3]>, quality: u8) -> Vec<u8> {
         file.clear();
     }
     file
+}
+
+/// Luma of a JPEG picture that a camera sent, in row order; `None` for one of another size than
+/// `width` × `height`, of which nothing is decoded, and for one that cannot be decoded.
+pub fn luma_of_jpeg(file: &[u8], width: usize, height: usize) -> Option<Vec<u8>> {
+    let options = DecoderOptions::default()
+        .set_max_width(width)
+        .set_max_height(height)
+        .jpeg_set_max_scans(MOST_SCANS)
+        .jpeg_set_out_colorspace(ColorSpace::Luma);
+    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(file), options);
+    decoder.decode_headers().ok()?;
+    if decoder.dimensions() != Some((width, height)) {
+        return None;
+    }
+    let luma = decoder.decode().ok()?;
+    (luma.len() == width * height).then_some(luma)
 }
 
 /// Width and height in a JPEG picture's frame header, without decoding anything.

@@ -36,6 +36,6 @@ pub use frame::{
     BayerPattern, ColorFrame, DepthFrame, Exposure, Frame, Illumination, Pixels, Timestamp,
     Transfer,
 };
-pub use jpeg::jpeg;
+pub use jpeg::{jpeg, luma_of_jpeg};
 pub use open::{list, open};
 pub use plane::{Plane, SizeMismatch};

@@ -49,11 +49,12 @@ impl Witness {
         }
     }
 
-    /// Takes a picture, and gives those whose light is known now, in their order. Pictures that would
-    /// first have to be decoded are taken to be of the room's light.
+    /// Takes a picture, and gives those whose light is known now, in their order. Of one that cannot be
+    /// looked at no light is known.
     pub fn tell(&mut self, frame: ColorFrame) -> Vec<ColorFrame> {
         let Some(light) = mean_light(&frame) else {
-            return vec![labelled(frame, Illumination::Ambient)];
+            self.unlit += 1;
+            return Vec::new();
         };
         let room = *self.room.get_or_insert(light);
         let rise = (light - room) / room.max(DARK);
@@ -107,6 +108,7 @@ mod tests {
     use super::*;
     use crate::{
         frame::{Exposure, Pixels, Transfer},
+        jpeg,
         plane::Plane,
     };
     use proptest::prelude::*;
@@ -143,6 +145,31 @@ mod tests {
         let lights = [Ambient, Ambient, Flash, Ambient, Ambient];
         assert_eq!(told, (0..5).zip(lights).collect::<Vec<_>>());
         assert_eq!(unlit, 0);
+    }
+
+    #[test]
+    fn the_light_of_jpeg_pictures_is_told_and_of_those_that_lie_none_is() {
+        let picture = |number: u64, side: usize, light: u8| ColorFrame {
+            pixels: Pixels::Mjpg {
+                width: 64,
+                height: 64,
+                bytes: jpeg(&Plane::filled(side, side, [light; 3]), 90),
+            },
+            transfer: Transfer::Srgb,
+            ..picture(number, 0.0)
+        };
+        let mut witness = Witness::new(LONGEST);
+        let mut told = Vec::new();
+        // The fourth is of another size than it says.
+        for (number, (side, light)) in [(64, 60), (64, 180), (64, 60), (80, 180), (64, 60)]
+            .into_iter()
+            .enumerate()
+        {
+            told.extend(witness.tell(picture(number as u64, side, light)));
+        }
+        let told: Vec<_> = told.iter().map(|f| (f.sequence, f.light)).collect();
+        assert_eq!(told, [(0, Ambient), (1, Flash), (2, Ambient), (4, Ambient)]);
+        assert_eq!(witness.unlit, 1);
     }
 
     #[test]

@@ -4,7 +4,7 @@
 //! ambient frame beside it, and not by one factor everywhere as under flickering mains.
 
 use super::partial::{self, Strips};
-use drivers::{ColorFrame, Pixels, Plane};
+use drivers::{ColorFrame, Pixels, Plane, luma_of_jpeg};
 
 /// Blocks across and down that a picture is summed up in.
 const COLUMNS: usize = 16;
@@ -62,7 +62,7 @@ impl Brightness {
             Pixels::Yuyv { bytes, .. } => &|x, y| [limited(bytes.get(2 * (y * width + x))); 3],
             Pixels::Nv12 { bytes, .. } => &|x, y| [limited(bytes.get(y * width + x)); 3],
             Pixels::Mjpg { bytes, .. } => {
-                decoded = jpeg_luma(bytes, width, height)?;
+                decoded = luma_of_jpeg(bytes, width, height)?;
                 &|x, y| {
                     [decoded
                         .get(y * width + x)
@@ -185,25 +185,4 @@ fn quad(samples: &Plane<u16>, x: usize, y: usize) -> f32 {
 /// Luma of BT.601 limited range as a value in [0, 1].
 fn limited(luma: Option<&u8>) -> f32 {
     luma.map_or(f32::NAN, |v| (f32::from(*v) - 16.0) / 219.0)
-}
-
-/// Luma of a JPEG whose size is what was declared; nothing is decoded otherwise.
-fn jpeg_luma(bytes: &[u8], width: usize, height: usize) -> Option<Vec<u8>> {
-    use zune_jpeg::{
-        JpegDecoder,
-        zune_core::{bytestream::ZCursor, colorspace::ColorSpace, options::DecoderOptions},
-    };
-    let options = DecoderOptions::default()
-        .set_max_width(width)
-        .set_max_height(height)
-        .jpeg_set_out_colorspace(ColorSpace::Luma);
-    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
-    decoder.decode_headers().ok()?;
-    if decoder.dimensions() != Some((width, height)) {
-        return None;
-    }
-    decoder
-        .decode()
-        .ok()
-        .filter(|luma| luma.len() == width * height)
 }

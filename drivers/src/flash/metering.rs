@@ -13,8 +13,8 @@ const CUT: f32 = 0.3;
 /// Exposure grows at most by this factor from one look to the next.
 const GROW: f32 = 8.0;
 
-/// The brightest light of a picture that counts, as a fraction of white, 1 when it clips; `None` for
-/// pictures that would first have to be decoded.
+/// The brightest light of a picture that counts, as a fraction of white, 1 when it clips; `None` for a
+/// JPEG picture that is not what the frame says.
 pub fn highlight(frame: &ColorFrame) -> Option<f32> {
     let mut light = frame.sampled_light()?;
     if light.is_empty() {

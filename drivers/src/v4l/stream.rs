@@ -158,12 +158,10 @@ impl<'a> Running<'a> {
                 let Frame::Color(frame) = self.next(left)? else {
                     continue;
                 };
-                let seen = flash::metering::highlight(&frame).ok_or_else(|| {
-                    refuse(
-                        &self.device,
-                        "JPEG pictures cannot be metered; ask for another format",
-                    )
-                })?;
+                // A picture that cannot be read says nothing; another comes, or the time is up.
+                let Some(seen) = flash::metering::highlight(&frame) else {
+                    continue;
+                };
                 match frame.light {
                     Illumination::Flash => flash = Some(seen),
                     Illumination::Ambient => ambient = Some(seen),
