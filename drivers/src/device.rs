@@ -2,7 +2,10 @@
 
 use crate::{calibration::Rig, frame::Frame};
 use serde::{Deserialize, Serialize};
-use std::{path::PathBuf, time::Duration};
+use std::{
+    path::{Path, PathBuf},
+    time::Duration,
+};
 use thiserror::Error;
 
 /// What a device is, for people and for logs.
@@ -163,6 +166,12 @@ pub trait Stream {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Losses {
     /// Gaps in the device's own count.
+    /// The file in which its rig was measured, where it applies one by itself: distances have then lost
+    /// that file's offset, and must not lose another's too.
+    fn rig_file(&self) -> Option<&Path> {
+        None
+    }
+
     pub missed: u64,
     /// Flagged as wrong by the device, too short, or not what was negotiated.
     pub broken: u64,

@@ -7,7 +7,7 @@ use crate::{
     device::{Device, DeviceInfo, DriverError, Settings, Stream},
     frame::{Frame, Illumination, Timestamp},
 };
-use std::{collections::VecDeque, time::Duration};
+use std::{collections::VecDeque, path::Path, time::Duration};
 
 /// What goes wrong, and how often; the default is nothing.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -128,6 +128,10 @@ impl Device for Flaky {
 
     fn rig(&self) -> Rig {
         self.inner.rig()
+    }
+
+    fn rig_file(&self) -> Option<&Path> {
+        self.inner.rig_file()
     }
 
     fn presence(&mut self) -> Result<(), DriverError> {

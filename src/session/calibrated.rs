@@ -11,13 +11,29 @@ use std::{path::Path, time::Duration};
 /// Opens the device at `address`, with the rig of `rig.toml` where one is named.
 ///
 /// # Errors
-/// [`SessionError::Device`] as [`drivers::open()`], and [`SessionError::Rig`] for a file that cannot be
-/// used or is of another rig.
+/// [`SessionError::Device`] as [`drivers::open()`], [`SessionError::Rig`] for a file that cannot be
+/// used, [`SessionError::ForeignRig`] for one of another rig, and [`SessionError::TwoRigs`] where the
+/// device applies a rig file of its own.
 pub fn open(address: &str, rig: Option<&Path>) -> Result<Box<dyn Device>, SessionError> {
     let device = drivers::open(address)?;
-    let Some(path) = rig else {
-        return Ok(device);
-    };
+    match rig {
+        None => Ok(device),
+        Some(path) => measured(device, address, path),
+    }
+}
+
+fn measured(
+    device: Box<dyn Device>,
+    address: &str,
+    path: &Path,
+) -> Result<Box<dyn Device>, SessionError> {
+    if let Some(own) = device.rig_file() {
+        return Err(SessionError::TwoRigs {
+            path: path.to_owned(),
+            own: own.to_owned(),
+            device: address.to_owned(),
+        });
+    }
     let found = RigFile::read(path)?;
     let sizes = |rig: &Rig| (rig.color.size(), depth_size(rig), rig.depth.is_some());
     let (stated, measured) = (sizes(&device.rig()), sizes(&found.rig));
@@ -156,6 +172,45 @@ mod tests {
             }
         }
         assert!(known > 100);
+    }
+
+    /// A camera whose own file names its rig.
+    struct OfItsOwn(Box<dyn Device>);
+
+    impl Device for OfItsOwn {
+        fn info(&self) -> DeviceInfo {
+            self.0.info()
+        }
+
+        fn rig(&self) -> Rig {
+            self.0.rig()
+        }
+
+        fn rig_file(&self) -> Option<&Path> {
+            Some(Path::new("beside-the-camera.toml"))
+        }
+
+        fn start(&mut self, settings: &Settings) -> Result<Box<dyn Stream + '_>, DriverError> {
+            self.0.start(settings)
+        }
+    }
+
+    #[test]
+    fn distances_never_lose_two_offsets() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = file(folder.path(), 64);
+        let address = "synthetic:desk?width=64&depth_width=32";
+        let device = Box::new(OfItsOwn(drivers::open(address).unwrap()));
+        let refused = measured(device, address, &path).err().unwrap();
+        let message = refused.to_string();
+        for named in [
+            address,
+            "beside-the-camera.toml",
+            "rig.toml",
+            "captured.toml",
+        ] {
+            assert!(message.contains(named), "{named}: {message}");
+        }
     }
 
     #[test]

@@ -51,6 +51,15 @@ pub enum SessionError {
 impl From<CommitError> for SessionError {
     fn from(error: CommitError) -> Self {
         Self::Output(error.into())
+    #[error(
+        "{device} applies the rig file {own} by itself, and captured.toml names {path} for it: distances \
+         would lose the offsets of both; take `rig` out of one of the two"
+    )]
+    TwoRigs {
+        path: PathBuf,
+        own: PathBuf,
+        device: String,
+    },
     }
 }
 
@@ -62,7 +71,7 @@ impl SessionError {
             Self::NoShot { .. } => FaultKind::Device,
             Self::Darkroom(error) => error.kind(),
             Self::Output(_) => FaultKind::Output,
-            Self::Rig(_) | Self::ForeignRig { .. } => FaultKind::Input,
+            Self::Rig(_) | Self::ForeignRig { .. } | Self::TwoRigs { .. } => FaultKind::Input,
         };
         Fault {
             kind,

@@ -25,7 +25,7 @@ use crate::{
     device::{Device, DeviceInfo, DriverError, Settings, Stream},
 };
 use camera::Camera;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// A camera made of V4L2 nodes.
 #[derive(Debug)]
@@ -129,6 +129,10 @@ impl Device for V4l {
 
     fn rig(&self) -> Rig {
         self.rig
+    }
+
+    fn rig_file(&self) -> Option<&Path> {
+        self.plan.rig.as_deref()
     }
 
     fn presence(&mut self) -> Result<(), DriverError> {
