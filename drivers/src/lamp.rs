@@ -29,8 +29,8 @@ pub struct Lit {
 pub struct Reach {
     /// Longest time it stays lit at once.
     pub longest: Duration,
-    /// Whether hardware or kernel put it out at the end of that time, whatever becomes of this
-    /// process. Without, a thread of the driver does, which SIGKILL ends too.
+    /// Whether hardware or kernel put it out at the end of that time. Without, a thread of the driver
+    /// does, and a process that watches over this one.
     pub bounded_by_kernel: bool,
     /// From the command until light may still be changing.
     pub latency: Duration,

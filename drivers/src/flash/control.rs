@@ -1,23 +1,35 @@
 //! A control of the camera as its lamp: a UVC camera's light, or any control that changes the light.
 
-use super::{Plan, during, latency, longest};
+use super::{Plan, during, guard::Darkness, latency, longest};
 use crate::{
     device::DriverError,
     lamp::{Lamp, Lit, Moment, Reach},
     node::{Control, Node, opening, refused},
 };
-use std::{path::Path, time::Duration};
+use std::{os::fd::AsRawFd, path::Path, time::Duration};
 
 /// The lamp. It has a file of its own, so that it works whatever the stream does.
-pub(super) struct ControlLamp {
+struct ControlLamp {
     node: Node,
     control: Control,
     plan: Plan,
 }
 
+/// Opens the lamp, dark, and says how it is kept so.
+pub(super) fn open(plan: &Plan, camera: &Path) -> Result<(Box<dyn Lamp>, Darkness), DriverError> {
+    let lamp = ControlLamp::open(plan, camera)?;
+    let darkness = Darkness::Control {
+        node: lamp.node.as_raw_fd(),
+        id: lamp.control.id,
+        // Within the control's range, which the kernel holds in as many bits.
+        value: plan.off as i32,
+    };
+    Ok((Box::new(lamp), darkness))
+}
+
 impl ControlLamp {
     /// Opens the node and finds the control by its name; sets it to dark.
-    pub fn open(plan: &Plan, camera: &Path) -> Result<Self, DriverError> {
+    fn open(plan: &Plan, camera: &Path) -> Result<Self, DriverError> {
         let path = plan.node.as_deref().unwrap_or(camera);
         let node = Node::open(path).map_err(|error| opening(path, error))?;
         let wanted = plan.control.as_deref().unwrap_or_default();

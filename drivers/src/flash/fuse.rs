@@ -23,8 +23,7 @@ enum Answer {
 
 /// A lamp that goes dark at the end of its time though nobody asks for a frame.
 ///
-/// The thread lives as long as this value. It does not survive SIGKILL; a lamp that must needs a
-/// kernel timeout.
+/// The thread lives as long as this value. It does not survive SIGKILL, which is what the guard is for.
 pub(super) struct Fuse {
     reach: Reach,
     /// `None` only while being dropped.

@@ -1,6 +1,6 @@
 //! A lamp on a line of a GPIO character device.
 
-use super::{Plan, during, latency, longest};
+use super::{Plan, during, guard::Darkness, latency, longest};
 use crate::{
     device::DriverError,
     lamp::{Lamp, Lit, Moment, Reach},
@@ -8,21 +8,29 @@ use crate::{
 };
 use gpiocdev::{Request, line::Value};
 use std::{
+    os::fd::AsRawFd,
     path::{Path, PathBuf},
     time::Duration,
 };
 
 /// The lamp. The line is held as an output, and inactive, from opening to closing; a line that is
 /// let go keeps or loses its level as its chip likes, so a lamp should be wired to be dark without.
-pub(super) struct Gpio {
+struct Gpio {
     chip: PathBuf,
     request: Request,
     plan: Plan,
 }
 
+/// Opens the lamp, dark, and says how it is kept so.
+pub(super) fn open(plan: &Plan) -> Result<(Box<dyn Lamp>, Darkness), DriverError> {
+    let lamp = Gpio::open(plan)?;
+    let darkness = Darkness::Line(lamp.request.as_raw_fd());
+    Ok((Box::new(lamp), darkness))
+}
+
 impl Gpio {
     /// Takes the line, dark.
-    pub fn open(plan: &Plan) -> Result<Self, DriverError> {
+    fn open(plan: &Plan) -> Result<Self, DriverError> {
         let chip = plan.node.as_deref().unwrap_or(Path::new("/dev/gpiochip0"));
         // Says plainly what is missing; the library's errors speak of its own calls.
         std::fs::File::open(chip).map_err(|error| opening(chip, error))?;

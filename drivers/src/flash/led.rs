@@ -1,6 +1,6 @@
 //! An LED of the kernel's LED class: a flash LED by its strobe, any other by a kernel timer or by hand.
 
-use super::{Mode, Plan, during, latency, longest};
+use super::{Mode, Plan, during, guard::Darkness, latency, longest};
 use crate::{
     device::DriverError,
     lamp::{Lamp, Lit, Moment, Reach},
@@ -8,6 +8,7 @@ use crate::{
 };
 use std::{
     fs, io,
+    os::fd::AsRawFd,
     path::{Path, PathBuf},
     time::Duration,
 };
@@ -32,10 +33,12 @@ struct Led {
     plan: Plan,
     brightness: u64,
     longest: Duration,
+    /// Its `brightness`, open: zero makes an LED dark in every way of lighting it.
+    switch: fs::File,
 }
 
-/// Opens `/sys/class/leds/NAME`, or a folder like it, dark.
-pub(super) fn open(plan: &Plan) -> Result<Box<dyn Lamp>, DriverError> {
+/// Opens `/sys/class/leds/NAME`, or a folder like it, dark, and says how it is kept so.
+pub(super) fn open(plan: &Plan) -> Result<(Box<dyn Lamp>, Darkness), DriverError> {
     let node = plan.node.as_deref().unwrap_or(Path::new(""));
     // An absolute path replaces the folder it is joined to.
     let folder = Path::new("/sys/class/leds").join(node);
@@ -60,7 +63,11 @@ pub(super) fn open(plan: &Plan) -> Result<Box<dyn Lamp>, DriverError> {
         _ => Duration::MAX,
     };
     let wanted = plan.intensity.and_then(|wanted| u64::try_from(wanted).ok());
+    let path = folder.join("brightness");
+    let switch = fs::File::options().write(true).open(&path);
+    let switch = switch.map_err(|error| opening(&path, error))?;
     let mut led = Led {
+        switch,
         brightness: wanted.unwrap_or(greatest).clamp(1, greatest.max(1)),
         longest: longest(plan).min(bound),
         plan: plan.clone(),
@@ -80,7 +87,8 @@ pub(super) fn open(plan: &Plan) -> Result<Box<dyn Lamp>, DriverError> {
         Way::Brightness => led.write("trigger", "none")?,
     }
     led.put_out()?;
-    Ok(Box::new(led))
+    let darkness = Darkness::Written(led.switch.as_raw_fd());
+    Ok((Box::new(led), darkness))
 }
 
 fn read(folder: &Path, name: &str) -> io::Result<u64> {

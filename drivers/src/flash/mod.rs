@@ -2,13 +2,14 @@
 //!
 //! Three bounds lie around a lamp. Hardware or kernel end a pulse where they can (flash timeout of a
 //! subdevice or LED, the `transient` trigger of a plain LED). Where they cannot, a thread of the
-//! driver does (`fuse`). Around both, a budget keeps the heat down (`budget`). Each lamp goes dark
-//! when it is dropped.
+//! driver does (`fuse`), and should this process be stopped or killed, another one that watches over it
+//! (`guard`). Around them, a budget keeps the heat down (`budget`). Each lamp goes dark when it is dropped.
 
 mod budget;
 mod control;
 mod fuse;
 mod gpio;
+mod guard;
 mod led;
 pub mod metering;
 mod plan;
@@ -31,17 +32,19 @@ use std::{path::Path, time::Duration};
 /// [`DriverError::NoDevice`] when it is not there or may not be opened, saying what to do;
 /// [`DriverError::Setting`] for something it cannot do; else as [`Lamp::fire`].
 pub fn open(plan: &Plan, camera: &Path) -> Result<Option<Box<dyn Lamp>>, DriverError> {
-    let lamp: Box<dyn Lamp> = match plan.kind {
+    let (lamp, darkness): (Box<dyn Lamp>, _) = match plan.kind {
         Kind::None => return Ok(None),
-        Kind::Subdevice => Box::new(subdevice::Subdevice::open(plan)?),
+        Kind::Subdevice => subdevice::open(plan)?,
         Kind::Led => led::open(plan)?,
-        Kind::Gpio => Box::new(gpio::Gpio::open(plan)?),
-        Kind::Control => Box::new(control::ControlLamp::open(plan, camera)?),
+        Kind::Gpio => gpio::open(plan)?,
+        Kind::Control => control::open(plan, camera)?,
     };
-    let lamp = if lamp.reach().bounded_by_kernel {
+    let reach = lamp.reach();
+    let lamp = if reach.bounded_by_kernel {
         lamp
     } else {
-        Box::new(fuse::Fuse::new(lamp)?)
+        let guarded = guard::Guarded::new(lamp, darkness, reach.longest)?;
+        Box::new(fuse::Fuse::new(Box::new(guarded))?)
     };
     Ok(Some(Box::new(budget::Budget::new(lamp, plan))))
 }

@@ -1,12 +1,12 @@
 //! A V4L2 flash subdevice: mode, strobe, timeout, intensity, faults, external strobe.
 
-use super::{Mode, Plan, during, latency, longest};
+use super::{Mode, Plan, during, guard::Darkness, latency, longest};
 use crate::{
     device::DriverError,
     lamp::{Lamp, Lit, Moment, Reach},
     node::{Control, FLASH, Node, nodes_with_function, opening, refused},
 };
-use std::{path::PathBuf, time::Duration};
+use std::{os::fd::AsRawFd, path::PathBuf, time::Duration};
 use v4l::sys;
 
 /// `V4L2_FLASH_LED_MODE_…`.
@@ -40,7 +40,7 @@ const FAULTS: [(u32, &str); 9] = [
 const WANTED: u32 = sys::V4L2_FLASH_FAULT_TIMEOUT;
 
 /// The lamp. While it is open the kernel refuses changes through `/sys/class/leds`.
-pub(super) struct Subdevice {
+struct Subdevice {
     node: Node,
     plan: Plan,
     mode: Control,
@@ -53,9 +53,20 @@ pub(super) struct Subdevice {
     longest: Duration,
 }
 
+/// Opens the lamp, dark, and says how it is kept so.
+pub(super) fn open(plan: &Plan) -> Result<(Box<dyn Lamp>, Darkness), DriverError> {
+    let lamp = Subdevice::open(plan)?;
+    let darkness = Darkness::Control {
+        node: lamp.node.as_raw_fd(),
+        id: lamp.mode.id,
+        value: DARK as i32,
+    };
+    Ok((Box::new(lamp), darkness))
+}
+
 impl Subdevice {
     /// Opens it, sets its intensity, and makes sure that it is dark.
-    pub fn open(plan: &Plan) -> Result<Self, DriverError> {
+    fn open(plan: &Plan) -> Result<Self, DriverError> {
         let path = match &plan.node {
             Some(path) => path.clone(),
             None => only_flash()?,

@@ -23,7 +23,7 @@ use std::{
     io,
     marker::PhantomData,
     mem::size_of,
-    os::fd::{AsFd, AsRawFd, BorrowedFd},
+    os::fd::{AsFd, AsRawFd, BorrowedFd, RawFd},
     os::unix::fs::OpenOptionsExt,
     path::{Path, PathBuf},
     time::Duration,
@@ -35,6 +35,12 @@ use v4l::v4l2::vidioc::_IOC_TYPE as Code;
 pub(crate) struct Node {
     file: File,
     path: PathBuf,
+}
+
+impl AsRawFd for Node {
+    fn as_raw_fd(&self) -> RawFd {
+        self.file.as_raw_fd()
+    }
 }
 
 /// The code of an ioctl together with the type the kernel reads and writes.

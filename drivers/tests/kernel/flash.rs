@@ -1,6 +1,6 @@
 //! Flash lamps of every kind the kernel has: a flash subdevice, LEDs, a GPIO line.
 
-use crate::machine::{PATIENCE, number, write};
+use crate::machine::{PATIENCE, control, number, write};
 use drivers::{
     DriverError, Frame, Illumination, Settings,
     flash::{self, Kind, Mode, Plan},
@@ -211,39 +211,104 @@ fn a_line_and_a_torch_go_dark_though_nobody_asks_for_a_frame() {
     eprintln!("{error}");
 }
 
-/// Set in the process that is to be killed.
+/// Set in the process that is to be killed, to the number of its lamp.
 const VICTIM: &str = "FLASH_VICTIM";
+/// What plays a control of the camera that switches a lamp.
+const NODE: &str = "/dev/video0";
+const BRIGHTNESS: u32 = 0x0098_0900;
+
+/// A kind of lamp, how it is opened, and whether it is lit.
+type Kindled = (&'static str, Plan, fn() -> bool);
+
+fn lamps() -> [Kindled; 5] {
+    let torch = || number(&format!("{FAKE}/torch")) > 0;
+    let led = |intensity| Plan {
+        kind: Kind::Led,
+        node: Some("white:flash".into()),
+        mode: Mode::Torch,
+        intensity,
+        ..Plan::default()
+    };
+    [
+        ("strobe", subdevice(), lit),
+        (
+            "torch of a subdevice",
+            Plan {
+                mode: Mode::Torch,
+                ..subdevice()
+            },
+            torch,
+        ),
+        // Not at its full brightness, which no kernel timer can switch.
+        ("torch of an LED", led(Some(5)), torch),
+        (
+            "line",
+            Plan {
+                kind: Kind::Gpio,
+                node: Some("/dev/gpiochip0".into()),
+                ..Plan::default()
+            },
+            || number(LINES) & 1 == 1,
+        ),
+        (
+            "control",
+            Plan {
+                kind: Kind::Control,
+                control: Some("brightness".into()),
+                on: 200,
+                off: 100,
+                ..Plan::default()
+            },
+            || control(NODE, BRIGHTNESS) == 200,
+        ),
+    ]
+}
 
 #[test]
 #[ignore = "needs the kernel of tests/guest/run"]
-fn a_killed_process_leaves_no_led_on() {
-    if std::env::var_os(VICTIM).is_some() {
-        let mut lamp = lamp(subdevice()).unwrap();
-        lamp.fire(Duration::from_millis(300)).unwrap();
+fn a_killed_process_leaves_no_lamp_on_and_a_stopped_one_none_beyond_its_bound() {
+    const LONG: Duration = Duration::from_millis(400);
+    if let Ok(number) = std::env::var(VICTIM) {
+        let (_, plan, _) = lamps()[number.parse::<usize>().unwrap()].clone();
+        let mut lamp = lamp(plan).unwrap();
+        lamp.fire(LONG).unwrap();
         std::thread::sleep(Duration::from_secs(60));
     }
-    let mut child = Command::new(std::env::current_exe().unwrap())
-        .args([
-            "--ignored",
-            "--exact",
-            "flash::a_killed_process_leaves_no_led_on",
-        ])
-        .env(VICTIM, "1")
-        .spawn()
-        .unwrap();
-    let since = Instant::now();
-    while !lit() {
-        assert!(
-            since.elapsed() < Duration::from_secs(10),
-            "the flash was never fired"
-        );
-        std::thread::sleep(Duration::from_millis(1));
+    for (number, (name, plan, lit)) in lamps().into_iter().enumerate() {
+        // The guard's word for its lamp; the thread's ends with its process too.
+        let longest = Duration::from_secs_f64(plan.longest_seconds) + Duration::from_millis(100);
+        for signal in ["KILL", "STOP"] {
+            let mut child = Command::new(std::env::current_exe().unwrap())
+                .args([
+                    "--ignored",
+                    "--exact",
+                    "flash::a_killed_process_leaves_no_lamp_on_and_a_stopped_one_none_beyond_its_bound",
+                ])
+                .env(VICTIM, number.to_string())
+                .spawn()
+                .unwrap();
+            let since = Instant::now();
+            while !lit() {
+                assert!(
+                    since.elapsed() < Duration::from_secs(10),
+                    "the flash was never fired"
+                );
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            let burning = Instant::now();
+            let told = Command::new("kill")
+                .args([&format!("-{signal}"), &child.id().to_string()])
+                .status();
+            assert!(told.unwrap().success());
+            on_time(lit, longest);
+            let took = burning.elapsed();
+            eprintln!("{name}: dark {took:?} after SIG{signal} in a flash of {LONG:?}");
+            assert!(took <= longest, "{name}: {took:?}");
+            child.kill().unwrap();
+            child.wait().unwrap();
+            assert!(!lit(), "{name}");
+        }
     }
-    child.kill().unwrap();
-    child.wait().unwrap();
-    let took = on_time(lit, Duration::from_millis(400));
-    eprintln!("after SIGKILL in the middle of a flash of 300 ms it was dark {took:?} later");
-    assert!(took <= Duration::from_millis(360));
 }
 
 #[test]

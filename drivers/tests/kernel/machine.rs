@@ -38,6 +38,15 @@ pub fn set_control(node: &str, id: u32, value: i64) {
         .unwrap_or_else(|error| panic!("{node}, control {id:#x}: {error}"));
 }
 
+/// Reads a control of a node by its number.
+pub fn control(node: &str, id: u32) -> i64 {
+    let device = v4l::Device::with_path(node).unwrap_or_else(|error| panic!("{node}: {error}"));
+    match device.control(id).map(|control| control.value) {
+        Ok(v4l::control::Value::Integer(value)) => value,
+        other => panic!("{node}, control {id:#x}: {other:?}"),
+    }
+}
+
 /// Open files, threads, and resident memory in KiB.
 pub fn held() -> (usize, usize, i64) {
     let count = |folder| fs::read_dir(folder).unwrap().count();
