@@ -15,7 +15,7 @@ use crate::{
     inference::InferenceError,
     output::{Destination, Manifest, OutputError, RelitView, Results, Tone, sheet::Panel, write},
     parsimony::TooLittleTime,
-    radiometry::{SubtractionReport, linearise},
+    radiometry::{SubtractionReport, burst::BurstReport, linearise},
     relight::{Environment, Lamp, Relit, networks::NetworkError},
     shot::{DropCounts, Shot},
     verdict::{Verdict, judge},
@@ -55,6 +55,8 @@ pub struct Source<'a> {
     pub name: &'a str,
     /// Frames that became part of no shot; `None` where frames were not put together.
     pub drops: Option<DropCounts>,
+    /// What a burst was made of; `None` for a shot of one bracket.
+    pub burst: Option<&'a BurstReport>,
 }
 
 /// Why there are no results.
@@ -274,6 +276,7 @@ fn report(
         "confidence_mean": mean_confidence(development),
         "unseen_path_fraction": unseen,
         "drops": order.source.drops,
+        "burst": order.source.burst,
         "tier": tier,
         "networks": networks,
         "model": evidence,

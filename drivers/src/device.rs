@@ -33,6 +33,47 @@ pub struct Settings {
     /// ambient–flash–ambient exist. 0 = it never fires, for looking through the camera; a driver
     /// that cannot keep it from firing refuses that.
     pub flash_every: u32,
+    /// How many color frames in a row are lit each time, in 1..`flash_every`: more than one for bursts,
+    /// where flash frames have more noise than the others.
+    #[serde(skip_serializing_if = "is_one")]
+    pub flash_run: u32,
+}
+
+/// What goes without saying is not written into recordings.
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde asks so")]
+fn is_one(count: &u32) -> bool {
+    *count == 1
+}
+
+impl Settings {
+    /// Refuses a flash pattern that is none.
+    ///
+    /// # Errors
+    /// [`DriverError::Setting`] with what is possible.
+    pub fn check_pattern(&self, device: &str) -> Result<(), DriverError> {
+        let Self {
+            flash_every: every,
+            flash_run: run,
+            ..
+        } = *self;
+        let refuse = |setting, reason| {
+            Err(DriverError::Setting {
+                device: device.to_owned(),
+                setting,
+                reason,
+            })
+        };
+        if every == 1 {
+            let reason =
+                "1; at least 2, so that ambient frames exist, or 0 for no flash".to_owned();
+            return refuse("flash_every", reason);
+        }
+        if run == 0 || (every > 0 && run >= every) {
+            let reason = format!("{run}; at least 1 and fewer than flash_every, which is {every}");
+            return refuse("flash_run", reason);
+        }
+        Ok(())
+    }
 }
 
 impl Default for Settings {
@@ -41,6 +82,7 @@ impl Default for Settings {
             exposure_seconds: None,
             gain: None,
             flash_every: 3,
+            flash_run: 1,
         }
     }
 }
@@ -124,6 +166,12 @@ pub trait Device: Send {
     /// Its geometry.
     fn rig(&self) -> Rig;
 
+    /// The file in which its rig was measured, where it applies one by itself: distances have then lost
+    /// that file's offset, and must not lose another's too.
+    fn rig_file(&self) -> Option<&Path> {
+        None
+    }
+
     /// Whether it is still there, asked several times a second while nothing streams: it must neither
     /// wake the device nor take a millisecond, and what a device does between two sessions is no loss.
     ///
@@ -166,12 +214,6 @@ pub trait Stream {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Losses {
     /// Gaps in the device's own count.
-    /// The file in which its rig was measured, where it applies one by itself: distances have then lost
-    /// that file's offset, and must not lose another's too.
-    fn rig_file(&self) -> Option<&Path> {
-        None
-    }
-
     pub missed: u64,
     /// Flagged as wrong by the device, too short, or not what was negotiated.
     pub broken: u64,

@@ -35,11 +35,12 @@ const REMEMBERED: usize = 64;
 /// Switches a flash on and off so that brackets ambient–flash–ambient come about, and says of every
 /// frame which light it was taken in.
 ///
-/// The flash stays on until a frame has surely been lit whole, and off until `every − 1` frames have
-/// surely not been. Pure: times are handed in, commands are handed out.
+/// The flash stays on until `run` frames have surely been lit whole, and off until `every − run` frames
+/// have surely not been. Pure: times are handed in, commands are handed out.
 #[derive(Debug, Clone)]
 pub struct Switched {
     latency: Duration,
+    run: u32,
     every: u32,
     /// When each command was sent, and what it asked for.
     sent: VecDeque<(Timestamp, bool)>,
@@ -49,11 +50,13 @@ pub struct Switched {
 }
 
 impl Switched {
-    /// A flash that was surely off before `now`, to be lit for one color frame in `every` ≥ 2 at most.
-    pub fn new(latency: Duration, every: u32, now: Timestamp) -> Self {
+    /// A flash that was surely off before `now`, to be lit for `run` ≥ 1 color frames in `every` > `run` at
+    /// most.
+    pub fn new(latency: Duration, (run, every): (u32, u32), now: Timestamp) -> Self {
         Self {
             latency,
-            every: every.max(2),
+            run: run.max(1),
+            every: every.max(run.max(1) + 1),
             sent: VecDeque::from([(now, false)]),
             wanted: false,
             seen: 0,
@@ -88,7 +91,11 @@ impl Switched {
             Illumination::Ambient
         };
         self.seen += u32::from(light == Some(wanted));
-        let enough = if self.wanted { 1 } else { self.every - 1 };
+        let enough = if self.wanted {
+            self.run
+        } else {
+            self.every - self.run
+        };
         (self.seen >= enough).then_some(!self.wanted)
     }
 
@@ -120,7 +127,7 @@ mod tests {
 
     #[test]
     fn a_frame_open_while_the_flash_may_have_changed_is_of_no_light() {
-        let mut flash = Switched::new(Duration::from_millis(100), 3, ms(0));
+        let mut flash = Switched::new(Duration::from_millis(100), (1, 3), ms(0));
         flash.commanded(true, ms(1000));
         flash.commanded(false, ms(2000));
         struct Case(Open, Option<Illumination>);
@@ -155,7 +162,7 @@ mod tests {
 
     #[test]
     fn the_flash_is_off_again_after_one_frame_it_surely_lit() {
-        let mut flash = Switched::new(Duration::from_millis(100), 3, ms(0));
+        let mut flash = Switched::new(Duration::from_millis(100), (1, 3), ms(0));
         let mut pattern = String::new();
         for k in 1..40 {
             let now = 33 * k;

@@ -219,6 +219,7 @@ fn write(path: &Path, rig: &Rig, brackets: &[Vec<Frame>], close: bool) -> Vec<u6
         exposure_seconds: Some(0.1),
         gain: None,
         flash_every: 4,
+        flash_run: 1,
     };
     let mut writer = Writer::create(path, &info(), rig, &settings).unwrap();
     let mut lengths = vec![length()];

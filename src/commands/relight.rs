@@ -66,6 +66,7 @@ impl Relight {
             source: Source {
                 name: &self.input.display().to_string(),
                 drops,
+                burst: None,
             },
             lamps: &lights.lamps,
             environment: lights

@@ -9,6 +9,7 @@ use crate::{
     config::Config,
     darkroom::{Answering, Asked},
     output::{Destination, Disk, Existing, Staging},
+    radiometry::burst::BurstReport,
     session::{self, Kept},
 };
 use clap::Args;
@@ -30,6 +31,10 @@ pub struct Shoot {
     /// Address of the device [default: the daemon's, else the configured one].
     #[arg(long, value_name = "ADDRESS")]
     device: Option<String>,
+    /// Make the shot of so many color frames: less noise, more time. Flash and ambient frames are shared
+    /// out so that the noise is least. In this process only.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=64))]
+    burst: Option<u32>,
     /// Folder for the shot; must not exist yet, or be empty.
     #[arg(long, value_name = "DIR", default_value = "shot")]
     out: PathBuf,
@@ -121,6 +126,12 @@ impl Shoot {
         config: &Config,
         request: &ShotRequest,
     ) -> Result<Told, CommandError> {
+        if self.burst.is_some() {
+            return Err(CommandError::Arguments(format!(
+                "--burst is for this process, but the daemon at {} owns the device; leave it out, or stop the daemon",
+                client.socket().display()
+            )));
+        }
         if !self.tier.backend.is_empty() {
             return Err(CommandError::Arguments(format!(
                 "--models, --runtime and --threads are for this process, but the daemon at {} takes the shot; set them under [inference] in its configuration",
@@ -184,7 +195,11 @@ impl Shoot {
         let address = self.device.as_deref().unwrap_or(configured);
         let mut device = session::open(address, config.rig_of(address))?;
         let progress = Progress::of_unknown("taking the shot");
-        let taken = session::take(device.as_mut(), &config.capture)?;
+        let taken = match self.burst {
+            None => session::take(device.as_mut(), &config.capture)?,
+            Some(frames) => session::take_burst(device.as_mut(), &config.capture, frames)?,
+        };
+        let burst = taken.burst.as_ref().map_or(String::new(), in_words);
         let lights = self.relight.then_some(&lights);
         let to = Destination {
             disk: &Disk,
@@ -194,7 +209,7 @@ impl Shoot {
         let kept = session::keep(&taken, lights, &answering, &to, &mut |stage| {
             progress.doing(stage);
         })?;
-        let note = "in this process; no daemon with this device was found".to_owned();
+        let note = format!("in this process; no daemon with this device was found{burst}");
         Ok(Told {
             by: "process",
             device: taken.info.address,
@@ -202,4 +217,13 @@ impl Shoot {
             kept,
         })
     }
+}
+
+fn in_words(burst: &BurstReport) -> String {
+    let ([flash, ambient], [best_flash, best_ambient]) = (burst.used, burst.best_split);
+    format!(
+        "; of {flash} frames with flash and {ambient} without (best are {best_flash} and {best_ambient}, as a \
+         flash frame has {:.2} times the noise), which leaves {:.2} of the noise of one and one",
+        burst.noise_ratio, burst.expected_noise
+    )
 }

@@ -90,6 +90,7 @@ impl Capture {
             exposure_seconds: self.exposure_seconds,
             gain: self.gain,
             flash_every: self.flash_every,
+            flash_run: 1,
         }
     }
 

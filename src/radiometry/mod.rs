@@ -1,6 +1,7 @@
 //! Numbers → light: pixels to scene-linear light, and `flash − ambient` with its variance.
 
 pub mod align;
+pub mod burst;
 pub mod decode;
 mod demosaic;
 pub mod difference;

@@ -301,7 +301,7 @@ impl Room {
 const QUANTISATION_STEPS: usize = 256;
 
 /// Variance of a frame's light at unit exposure.
-struct Scatter {
+pub(super) struct Scatter {
     model: NoiseModel,
     factor: f32,
     /// By the square root of light, which spreads dark values as most transfer curves do.
@@ -309,7 +309,7 @@ struct Scatter {
 }
 
 impl Scatter {
-    fn of(
+    pub(super) fn of(
         frame: &ColorFrame,
         light: &LinearImage,
         options: &SubtractOptions,
@@ -345,7 +345,7 @@ impl Scatter {
     }
 
     /// Mean variance of the channels of `light`.
-    fn variance(&self, light: [f32; 3]) -> f32 {
+    pub(super) fn variance(&self, light: [f32; 3]) -> f32 {
         let relative = (light[0] + light[1] + light[2]).max(0.0) * self.factor / 3.0;
         let index = (relative.sqrt() * (QUANTISATION_STEPS - 1) as f32) as usize;
         let quantisation = self.quantisation[index.min(QUANTISATION_STEPS - 1)];

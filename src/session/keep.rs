@@ -46,6 +46,7 @@ pub fn keep(
                 source: Source {
                     name: &taken.info.address,
                     drops: Some(taken.drops),
+                    burst: taken.burst.as_ref(),
                 },
                 lamps: &lights.lamps,
                 environment: lights
@@ -88,7 +89,7 @@ fn keep_frames(
         scale_known: taken.shot.rig.flash.intensity.is_some(),
         png_white: 1.0,
         timings_ms: Vec::new(),
-        report: serde_json::json!({ "drops": taken.drops }),
+        report: serde_json::json!({ "drops": taken.drops, "burst": taken.burst }),
         lights: Vec::new(),
         warnings: Vec::new(),
         files: staging.files().to_vec(),

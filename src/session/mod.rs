@@ -1,9 +1,11 @@
 //! One shot from a device, in whatever process: taken, developed, kept.
 
+mod burst;
 mod calibrated;
 mod keep;
 mod take;
 
+pub use burst::take_burst;
 pub use calibrated::open;
 pub use keep::{Kept, keep};
 pub use take::{Taken, take, take_watched};
@@ -13,6 +15,7 @@ use crate::{
     darkroom::DarkroomError,
     folder::FolderError,
     output::{CommitError, OutputError},
+    radiometry::RadiometryError,
     shot::DropCounts,
 };
 use drivers::DriverError;
@@ -36,6 +39,8 @@ pub enum SessionError {
     #[error(transparent)]
     Output(#[from] OutputError),
     #[error(transparent)]
+    Radiometry(#[from] RadiometryError),
+    #[error(transparent)]
     Rig(#[from] FolderError),
     #[error(
         "{path}: is of another rig ({found}) than {device} ({expected}); calibrate that device"
@@ -46,11 +51,6 @@ pub enum SessionError {
         found: String,
         expected: String,
     },
-}
-
-impl From<CommitError> for SessionError {
-    fn from(error: CommitError) -> Self {
-        Self::Output(error.into())
     #[error(
         "{device} applies the rig file {own} by itself, and captured.toml names {path} for it: distances \
          would lose the offsets of both; take `rig` out of one of the two"
@@ -60,6 +60,11 @@ impl From<CommitError> for SessionError {
         own: PathBuf,
         device: String,
     },
+}
+
+impl From<CommitError> for SessionError {
+    fn from(error: CommitError) -> Self {
+        Self::Output(error.into())
     }
 }
 
@@ -70,6 +75,7 @@ impl SessionError {
             Self::Device(error) => kind_of(error),
             Self::NoShot { .. } => FaultKind::Device,
             Self::Darkroom(error) => error.kind(),
+            Self::Radiometry(_) => FaultKind::Shot,
             Self::Output(_) => FaultKind::Output,
             Self::Rig(_) | Self::ForeignRig { .. } | Self::TwoRigs { .. } => FaultKind::Input,
         };

@@ -3,6 +3,7 @@
 use super::SessionError;
 use crate::{
     config::Capture,
+    radiometry::burst::BurstReport,
     shot::{Assembler, DropCounts, Limits, Shot},
 };
 use drivers::{Device, DeviceInfo, DriverError, Settings};
@@ -19,6 +20,8 @@ pub struct Taken {
     pub settings: Settings,
     /// Frames that became part of no shot while this one was waited for.
     pub drops: DropCounts,
+    /// Of a burst: of how many frames it was made.
+    pub burst: Option<BurstReport>,
 }
 
 /// Longest wait without a word to whoever watches.
@@ -89,5 +92,6 @@ pub fn take_watched(
         info,
         settings,
         drops,
+        burst: None,
     })
 }

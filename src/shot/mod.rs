@@ -1,8 +1,10 @@
-//! Frames → [`Shot`]: a flash frame, the ambient frames around it and a depth frame of one moment.
+//! Frames → [`Shot`]: a flash frame, the ambient frames around it and a depth frame of one moment; or
+//! → [`Burst`]: many of each.
 
 mod assembler;
 mod drops;
 mod evidence;
+mod gathering;
 mod partial;
 #[cfg(test)]
 mod tests;
@@ -11,6 +13,7 @@ mod virtual_time_tests;
 
 pub use assembler::{Assembler, Limits};
 pub use drops::DropCounts;
+pub use gathering::{Burst, Gathering};
 
 use drivers::{ColorFrame, DepthFrame, Plane, Rig};
 

@@ -228,7 +228,7 @@ fn of_100_000_shots_with_a_flash_switched_in_software_none_is_mislabelled_or_par
     // What the driver knows of the device: the longest latency, the readout, and how far off times are.
     let latency = Duration::from_nanos(6 * PERIOD + 2 * JITTER);
     let readout = Duration::from_nanos(READOUT + 2 * JITTER);
-    let mut flash = Switched::new(latency, 3, Timestamp::from_nanos(900 * MS));
+    let mut flash = Switched::new(latency, (1, 3), Timestamp::from_nanos(900 * MS));
     let mut assembler = Assembler::new(
         rig(),
         Limits {

@@ -53,3 +53,56 @@ fn a_device_that_loses_frames_is_reported_and_one_that_is_not_there_refused() {
     );
     ran.refuses(2, &["8..=100000"]);
 }
+
+#[test]
+fn a_burst_becomes_one_shot_of_frames_of_both_lights_and_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let device = "synthetic:desk?width=64&depth_width=32&noise=4";
+    let shoot = |device: &str, out: &str| {
+        let arguments = [
+            "shoot", "--device", device, "--burst", "12", "--json", "--out", out,
+        ];
+        let json = capturectl(folder.path(), &arguments).succeeds().json();
+        json["shot"]["report"]["burst"].clone()
+    };
+    let burst = shoot(device, "burst");
+    let used = |burst: &serde_json::Value| {
+        [&burst["used"][0], &burst["used"][1]].map(|n| n.as_u64().unwrap())
+    };
+    let [flash, ambient] = used(&burst);
+    assert!(
+        flash >= ambient && (12..=15).contains(&(flash + ambient)),
+        "{burst}"
+    );
+    assert_eq!(
+        burst["best_split"][0].as_u64().unwrap() + burst["best_split"][1].as_u64().unwrap(),
+        12
+    );
+    let noise = burst["expected_noise"].as_f64().unwrap();
+    assert!((0.3..0.5).contains(&noise), "{burst}");
+    // Kept as linear floating point, and good to relight.
+    let arguments = [
+        "relight",
+        "burst",
+        "--light",
+        "0.5,0.5,0.7",
+        "--tier",
+        "closed",
+        "--out",
+        "relit",
+    ];
+    capturectl(folder.path(), &arguments).succeeds();
+    // A recording has the pattern it was recorded with, and gives what it has.
+    let arguments = ["record", device, "--out", "many.mcap", "--brackets", "5"];
+    capturectl(folder.path(), &arguments).succeeds();
+    let [flash, ambient] = used(&shoot("replay:many.mcap", "replayed"));
+    assert!(
+        flash >= 5 && ambient >= 2 * flash - 1,
+        "{flash} and {ambient}"
+    );
+    let ran = capturectl(
+        folder.path(),
+        &["shoot", "--device", device, "--burst", "65"],
+    );
+    ran.refuses(2, &["2..=64"]);
+}

@@ -27,6 +27,7 @@ fn a_folder_of_the_papers_tier_says_which_networks_made_it() {
         source: Source {
             name: "synthetic:desk",
             drops: None,
+            burst: None,
         },
         lamps: &lamps,
         environment: None,

@@ -234,7 +234,11 @@ impl Device for DepthAi {
         let flash = self.options.strobe.map(|line| {
             let latency =
                 Duration::from_secs_f64(f64::from(line.latency_frames) / self.options.rate);
-            Switched::new(latency, settings.flash_every, monotonic())
+            Switched::new(
+                latency,
+                (settings.flash_run, settings.flash_every),
+                monotonic(),
+            )
         });
         Ok(Box::new(Running {
             readout: Duration::from_secs_f64(self.options.readout_ms * 1e-3),

@@ -171,6 +171,7 @@ impl Options {
             );
             return Err(refuse("flash_every", reason));
         }
+        settings.check_pattern(device)?;
         let longest = 1.0 / self.rate;
         let seconds = settings.exposure_seconds.map(f64::from);
         if let Some(seconds) = seconds.filter(|s| !(1e-6..=longest).contains(s)) {

@@ -238,17 +238,7 @@ impl Device for Synthetic {
             )?,
             gain: granted("gain", settings.gain, GAIN)?,
         };
-        if settings.flash_every == 1 {
-            let reason = format!(
-                "{}; at least 2, so that ambient frames exist, or 0 for no flash",
-                settings.flash_every
-            );
-            return Err(DriverError::Setting {
-                device,
-                setting: "flash_every",
-                reason,
-            });
-        }
+        settings.check_pattern(&device)?;
         let world = &self.world;
         let layers = self.layers.get_or_insert_with(|| Layers {
             flash: world.flash_light(),
@@ -308,7 +298,8 @@ impl Running<'_> {
 
     fn color(&self, k: u64, at: Timestamp) -> ColorFrame {
         let every = u64::from(self.settings.flash_every);
-        let light = if every > 0 && k % every == 1 {
+        let run = u64::from(self.settings.flash_run);
+        let light = if every > 0 && (1..=run).contains(&(k % every)) {
             Illumination::Flash
         } else {
             Illumination::Ambient

@@ -1,4 +1,4 @@
-//! When the lamp fires and goes dark, so that every `flash_every`-th frame is lit from end to end.
+//! When the lamp fires and goes dark, so that `flash_run` of `flash_every` frames are lit from end to end.
 
 use super::clock::Clock;
 use crate::{
@@ -13,6 +13,10 @@ pub(super) struct Bracket {
     lamp: Option<Box<dyn Lamp>>,
     timeline: Timeline,
     every: u32,
+    /// Frames in a row that are lit each time.
+    run: u32,
+    /// Flash frames of the run that has begun.
+    lit: u32,
     /// Ambient frames since the last flash frame.
     ambient: u32,
     /// Until when a lit frame may still arrive, while one is waited for.
@@ -35,11 +39,14 @@ const MOST_VAIN: u32 = 8;
 const MOST_MISSED: u32 = 2;
 
 impl Bracket {
-    pub fn new(lamp: Option<Box<dyn Lamp>>, every: u32, device: String) -> Self {
+    /// Lights `run` of `every` frames, which are one after the other.
+    pub fn new(lamp: Option<Box<dyn Lamp>>, (run, every): (u32, u32), device: String) -> Self {
         Self {
             lamp,
             timeline: Timeline::default(),
             every,
+            run,
+            lit: 0,
             ambient: 0,
             burning: None,
             planned: None,
@@ -67,6 +74,7 @@ impl Bracket {
             Illumination::Ambient => self.ambient += 1,
             Illumination::Flash => {
                 self.ambient = 0;
+                self.lit = (self.lit + 1) % self.run;
                 self.vain = 0;
                 self.burning = None;
                 self.darken()?;
@@ -117,7 +125,7 @@ impl Bracket {
                 });
             }
         }
-        if self.ambient + 1 < self.every {
+        if self.lit == 0 && self.ambient + self.run < self.every {
             return Ok(None);
         }
         let reach = lamp.reach();
@@ -241,7 +249,7 @@ mod tests {
     fn first_flash(busy: Duration) -> Option<Duration> {
         let fired = Arc::new(Mutex::new(Vec::new()));
         let lamp = Box::new(Noting(Arc::clone(&fired)));
-        let mut bracket = Bracket::new(Some(lamp), 3, "test".into());
+        let mut bracket = Bracket::new(Some(lamp), (1, 3), "test".into());
         let mut clock = Clock::new(Stamp::Start, 0.0, Duration::ZERO);
         let (length, period) = (ms(10), ms(40));
         let mut at = Timestamp::now().after(ms(1));
@@ -286,7 +294,6 @@ mod tests {
 
     #[test]
     fn whoever_takes_frames_too_slowly_to_time_a_flash_gets_a_longer_one() {
-        // 38 of 40 ms: each due time has passed when the next frame is asked for.
         // 38 of 40 ms: each due time has passed when the next frame is asked for. Light then lasts for
         // whichever frame comes, and for one that has begun before it.
         assert_eq!(first_flash(ms(38)), Some(ms(95)));

@@ -63,13 +63,7 @@ pub(super) fn check(settings: &Settings, device: &str) -> Result<(), DriverError
             format!("{:?}; it must be above 0", settings.gain),
         ));
     }
-    if settings.flash_every == 1 {
-        let every = settings.flash_every;
-        let reason =
-            format!("{every}; at least 2, so that ambient frames exist, or 0 for no flash");
-        return Err(refuse("flash_every", reason));
-    }
-    Ok(())
+    settings.check_pattern(device)
 }
 
 /// Sets the plan's own controls, by name.

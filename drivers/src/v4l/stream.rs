@@ -95,7 +95,8 @@ impl<'a> Running<'a> {
         let watched = plan.flash.kind == flash::Kind::None && settings.flash_every > 0;
         let longest = Duration::from_secs_f64(plan.flash.longest_seconds);
         let witness = watched.then(|| Witness::new(longest));
-        let bracket = Bracket::new(lamp, settings.flash_every, device.to_owned());
+        let pattern = (settings.flash_run, settings.flash_every);
+        let bracket = Bracket::new(lamp, pattern, device.to_owned());
         let color = Flow::start(color, &plan.color)?;
         let begin = |camera: Option<_>, plan: &Option<CameraPlan>| {
             let both = camera.zip(plan.as_ref());
