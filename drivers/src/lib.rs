@@ -19,6 +19,8 @@ mod jpeg;
 pub mod lamp;
 #[cfg(target_os = "linux")]
 mod node;
+#[cfg(feature = "nokhwa")]
+pub mod nokhwa;
 pub mod open;
 pub mod plane;
 pub mod recording;

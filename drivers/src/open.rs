@@ -11,7 +11,8 @@ use crate::{
 /// What an address looks like, for errors and for `--help`.
 pub const ADDRESSES: &str = "synthetic:LAYOUT?key=value&…, replay:FILE.mcap (or just FILE.mcap), \
                              v4l:/dev/videoN?table.key=value&… or v4l:CAMERA.toml, \
-                             depthai:SERIAL?key=value&…, flaky:key=value,…:ADDRESS";
+                             depthai:SERIAL?key=value&…, nokhwa:INDEX?key=value&…, \
+                             flaky:key=value,…:ADDRESS";
 
 /// Opens the device at `address`.
 ///
@@ -42,6 +43,17 @@ pub fn open(address: &str) -> Result<Box<dyn Device>, DriverError> {
             let options = depthai::Options::parse(rest).map_err(refuse)?;
             Ok(Box::new(DepthAi::open(options)?))
         }
+        #[cfg(feature = "nokhwa")]
+        "nokhwa" => {
+            let options = crate::nokhwa::Options::parse(rest).map_err(refuse)?;
+            Ok(Box::new(crate::nokhwa::Webcam::open(options)?))
+        }
+        #[cfg(not(feature = "nokhwa"))]
+        "nokhwa" => Err(refuse(
+            "this program was built without nokhwa; build it with `--features nokhwa`, or on Linux \
+             use v4l:"
+                .into(),
+        )),
         "replay" => Ok(Box::new(Replay::open(rest)?)),
         #[cfg(target_os = "linux")]
         "v4l" => Ok(Box::new(crate::v4l::V4l::open(rest)?)),
@@ -76,9 +88,14 @@ pub fn list() -> Vec<DeviceInfo> {
         })
         .info()
     });
+    #[cfg(feature = "nokhwa")]
+    let webcams = crate::nokhwa::list();
+    #[cfg(not(feature = "nokhwa"))]
+    let webcams = Vec::new();
     cameras
         .into_iter()
         .chain(depthai::list())
+        .chain(webcams)
         .chain(synthetic)
         .collect()
 }

@@ -4,7 +4,7 @@
 // multiplied by the exposure time and cut at white, so that metering has something to meter.
 //
 // Formats: YUY2 640x480, MJPEG 640x480 (the files given by -j and, with flash, -f), Z16 depth 320x240.
-// Usage: uvcg [-r FPS] [-j FILE] [-f FILE] [-e STEPS] [-m MODE], MODE being what is wrong with its pictures:
+// Usage: uvcg [-r FPS] [-j FILE] [-f FILE] [-e STEPS] [-i VENDOR:PRODUCT] [-m MODE], MODE being what is wrong with its pictures:
 // size (a JPEG of another size), garbage (no JPEG), short (half a picture), huge (a descriptor that
 // claims 65535x65535 pixels). Ending it pulls the plug.
 #include <errno.h>
@@ -39,7 +39,7 @@ static uint8_t body[] = {
 	11, 0x24, 6, 2, 1, 1, 1, 0, 0, 0, 0, FRM(7, 640, 480, 614400),
 	UNC(3, 'Z', '1', '6', ' '), FRM(5, 320, 240, 153600),
 };
-static const uint8_t dev_desc[] = { 18, 1, LE16(0x0200), 0, 0, 0, 64, LE16(0x1d6b), LE16(0x0102), LE16(1), 1, 2, 0, 1 };
+static uint8_t dev_desc[] = { 18, 1, LE16(0x0200), 0, 0, 0, 64, LE16(0x1d6b), LE16(0x0102), LE16(1), 1, 2, 0, 1 };
 static uint8_t cur[26]; static volatile int streaming; static int bright = 128, ep0, fps = 15, ae = 8; static uint32_t exposure = 100;
 static size_t jlen, flen; static uint8_t *jpg, *fjpg; static const char *mode = "";
 /* sRGB-encoded luma of a scene under this exposure (100 us steps), limited range. */
@@ -119,9 +119,10 @@ static void setup(struct usb_ctrlrequest *s) {
 }
 int main(int c, char **v) {
 	const char *files[2] = { "/dev/null", "/dev/null" };
-	for (int o; (o = getopt(c, v, "r:j:f:m:e:")) != -1;) switch (o) {
+	for (int o; (o = getopt(c, v, "r:j:f:m:e:i:")) != -1;) switch (o) {
 		case 'r': fps = atoi(optarg); break; case 'j': files[0] = optarg; break; case 'f': files[1] = optarg; break;
-		case 'm': mode = optarg; break; case 'e': exposure = atoi(optarg); break; default: return 2; }
+		case 'm': mode = optarg; break;
+		case 'i': { unsigned a, b; if (sscanf(optarg, "%x:%x", &a, &b) != 2) return 2; dev_desc[8] = a; dev_desc[9] = a >> 8; dev_desc[10] = b; dev_desc[11] = b >> 8; break; } case 'e': exposure = atoi(optarg); break; default: return 2; }
 	setvbuf(stdout, 0, _IOLBF, 0); signal(SIGPIPE, SIG_IGN);
 	uint8_t **to[2] = { &jpg, &fjpg }; size_t *lens[2] = { &jlen, &flen };
 	for (int i = 0; i < 2; i++) { int j = open(files[i], O_RDONLY); *to[i] = calloc(1, 1 << 20); ssize_t got = j >= 0 ? read(j, *to[i], 1 << 20) : 0; *lens[i] = got > 4 ? got : 64; close(j); }

@@ -2,7 +2,7 @@
 //!
 //! One device shows three faces: it waits for its firmware as 2485, runs a bootloader as f63c, and works
 //! as f63b; opening it makes it go from one to the next. So that is no unplugging, and any of them is the
-//! device. Read from sysfs: `rusb` needs libudev to look for devices, and `nusb` reads the same files.
+//! device. Read from sysfs, which tells serial numbers without opening a device, as libusb cannot.
 
 use std::{fs, path::Path};
 

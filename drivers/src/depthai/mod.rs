@@ -10,12 +10,16 @@
 
 mod bridge;
 mod discovery;
+#[cfg(feature = "rusb")]
+mod hotplug;
 mod message;
 mod options;
 #[cfg(test)]
 mod tests;
+mod watch;
 
 pub use options::{Options, Strobe, Sync};
+pub use watch::Watch;
 
 use crate::{
     admission,
@@ -34,14 +38,13 @@ use std::{
     path::Path,
     time::{Duration, Instant},
 };
+use watch::Absence;
 
 /// Where the kernel lists USB devices.
 const BUS: &str = "/sys/bus/usb/devices";
 /// Longest time from starting the bridge to an open device: loading the library, sending firmware, and
 /// two times of leaving the bus and coming back.
 const OPENING: Duration = Duration::from_secs(30);
-/// Longest time for which a device that ends a session, and starts anew, is away from the bus.
-const RETURNING: Duration = Duration::from_secs(5);
 /// Most shared memory taken at its word, bytes.
 const MOST_MEMORY: usize = 1 << 30;
 
@@ -72,8 +75,9 @@ pub struct DepthAi {
     info: DeviceInfo,
     slots: usize,
     slot_bytes: usize,
-    /// Since when it is not on the bus.
-    missed: Option<Instant>,
+    /// `None` before somebody asks whether it is there.
+    watch: Option<Watch>,
+    absence: Absence,
 }
 
 impl DepthAi {
@@ -162,7 +166,8 @@ impl DepthAi {
             info,
             slots: ready.slots,
             slot_bytes: ready.slot_bytes,
-            missed: None,
+            watch: None,
+            absence: Absence::default(),
         })
     }
 }
@@ -201,19 +206,15 @@ impl Device for DepthAi {
         if self.options.replay.is_some() {
             return Ok(());
         }
-        let there = discovery::devices(Path::new(BUS))
-            .iter()
-            .any(|present| present.id.is_empty() || self.info.address.contains(&present.id));
-        let away = match (there, self.missed) {
-            (true, _) => None,
-            (false, since) => Some(since.unwrap_or_else(Instant::now)),
-        };
-        self.missed = away;
-        match away {
-            Some(since) if since.elapsed() > RETURNING => Err(DriverError::Unplugged {
+        let now = Instant::now();
+        let watch = self.watch.get_or_insert_with(|| Watch::new(Path::new(BUS)));
+        let address = &self.info.address;
+        let there = watch.serials(now).any(|serial| address.contains(serial));
+        match self.absence.is_unplugged(there, now) {
+            true => Err(DriverError::Unplugged {
                 device: self.info.address.clone(),
             }),
-            _ => Ok(()),
+            false => Ok(()),
         }
     }
 

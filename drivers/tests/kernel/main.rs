@@ -5,6 +5,9 @@
 mod daemon;
 mod flash;
 mod machine;
+#[cfg(feature = "nokhwa")]
+mod nokhwa;
+mod oak;
 mod unit;
 mod usb;
 mod vivid;

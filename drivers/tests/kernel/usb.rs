@@ -13,10 +13,10 @@ use std::{
 const USB: &str = "/dev/video1";
 
 /// The camera, plugged in; dropping it pulls the plug.
-struct Plugged(Child);
+pub struct Plugged(Child);
 
 impl Plugged {
-    fn new(options: &[&str]) -> Self {
+    pub fn new(options: &[&str]) -> Self {
         for (path, light) in [("/tmp/dark.jpg", 20u8), ("/tmp/lit.jpg", 60)] {
             // Light falls off towards the rim, as a flash's does.
             let picture = Plane::from_fn(640, 480, |x, y| {
