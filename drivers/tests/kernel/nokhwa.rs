@@ -143,7 +143,7 @@ fn a_webcam_that_cannot_be_opened_says_why() {
         assert!(error.contains(says), "{address}: {error}");
         eprintln!("{error}");
     }
-    let mut owner = open("v4l:/dev/video0").unwrap();
+    let mut owner = open("v4l:/dev/video0?color.format=YUYV").unwrap();
     let stream = owner.start(&Settings::default()).unwrap();
     let error = open("nokhwa:0?width=640&height=360").err().expect("busy");
     assert!(error.to_string().contains("busy"), "{error}");
