@@ -86,8 +86,9 @@ impl Network for Says {
     }
 }
 
-fn surfaces(factor: f32, roughness: f32) -> Says {
+fn surfaces(normal: [f32; 3], factor: f32, roughness: f32) -> Says {
     Says(vec![
+        ("normal", normal.to_vec()),
         ("factor", vec![factor; 3]),
         ("roughness", vec![roughness]),
     ])
@@ -151,7 +152,10 @@ fn a_network_of_surfaces_is_fed_the_closed_form_in_units_of_its_own_and_nothing_
 fn surfaces_change_by_what_the_network_says_and_only_where_they_are_known() {
     let scene = scene();
     let given = sight_of(&scene, None);
-    let told = |factor, roughness| corrected(&scene, &given, &surfaces(factor, roughness)).unwrap();
+    let turned = |scene: &Scene, normal, factor, roughness| {
+        corrected(scene, &given, &surfaces(normal, factor, roughness)).unwrap()
+    };
+    let told = |factor, roughness| turned(&scene, [0.0; 3], factor, roughness);
     let same = told(0.0, 0.6);
     for (found, before) in same.albedo.samples().iter().zip(scene.albedo.samples()) {
         assert_eq!(found.map(f32::to_bits), before.map(f32::to_bits));
@@ -161,11 +165,35 @@ fn surfaces_change_by_what_the_network_says_and_only_where_they_are_known() {
     assert!((other.albedo[at][1] - 0.72).abs() < 1e-5);
     assert!((other.roughness[at] - 0.3).abs() < 1e-6);
     assert!(other.albedo[(2, 20)].iter().all(|value| value.is_nan()));
-    // The closed form's own normals and depth stay: its albedo is the light over their cosine.
-    assert_eq!(other.normal, scene.normal);
+    assert_eq!(other.normal[at], scene.normal[at]);
     assert_eq!(other.depth_metres[at], scene.depth_metres[at]);
     // Twice 0.49 stays below one; eight times would not.
     assert_eq!(told(8.0f32.ln(), 0.6).albedo[at], [1.0; 3]);
+}
+
+#[test]
+fn a_turned_surface_sends_as_much_of_the_flash_back_as_it_did() {
+    let scene = scene();
+    let given = sight_of(&scene, None);
+    let turned = |scene: &Scene| {
+        // Up, and the camera's axes have y down.
+        corrected(scene, &given, &surfaces([0.0, 0.5, 0.0], 0.0, 0.6)).unwrap()
+    };
+    let flash_lit = turned(&scene);
+    let at = (60, 20);
+    let pixel = glam::DVec2::new(60.0, 20.0);
+    let toward = -scene.camera.ray(pixel).unwrap().as_vec3().normalize();
+    assert!(flash_lit.normal[at].y < -0.4 && flash_lit.normal[at].is_normalized());
+    for c in 0..3 {
+        let sent = |scene: &Scene| scene.albedo[at][c] * scene.normal[at].dot(toward);
+        assert!((sent(&flash_lit) - sent(&scene)).abs() < 1e-4);
+    }
+    // Light that does not fall off as a flash's was not divided by a cosine.
+    let evenly = Scene {
+        flash_lit: false,
+        ..scene.clone()
+    };
+    assert_eq!(turned(&evenly).albedo[at], scene.albedo[at]);
 }
 
 #[test]

@@ -76,7 +76,7 @@ class Lessons:
         for name, array in found.items():
             if array.dim() == 3:
                 found[name] = array = array.flip(2 - axis)
-            if name in ("truth.normal", "sight", "ground", "toward"):
+            if name in ("truth.normal", "sight", "ground", "toward", "view"):
                 array[axis] *= -1
 
     def batch(self, dice, count, side):

@@ -25,6 +25,24 @@ def gaussians(error, sigma):
     return torch.log(sigma) + 0.5 * (error / sigma) ** 2
 
 
+LEAST_COSINE = 0.15
+"""Toward the camera, below which light is not divided by it; `surfaces.rs` has the same."""
+
+
+def shaded(normal, albedo, roughness, toward, view):
+    """Light of a lamp in direction `toward`, without shadows (Karis 2013, as `shading.rs`); vectors along the channels."""
+    half = functional.normalize(toward + view, dim=1)
+    nl, nv, nh = ((normal * other).sum(1, keepdim=True) for other in (toward, view, half))
+    nl, nv, nh = nl.clamp(min=0), nv.clamp(min=1e-3), nh.clamp(0, 1)
+    vh = (view * half).sum(1, keepdim=True).clamp(0, 1)
+    roughness = roughness.clamp(min=0.05)
+    alpha2, k = roughness**4, (roughness + 1) ** 2 / 8
+    peak = alpha2 / (nh**2 * (alpha2 - 1) + 1) ** 2
+    fresnel = 0.05 + 0.95 * 2 ** ((-5.55473 * vh - 6.98316) * vh)
+    masked = 1 / ((nl * (1 - k) + k) * (nv * (1 - k) + k))
+    return albedo * nl + peak * fresnel * masked * nl / 4
+
+
 class Unsaying:
     """A network of surfaces that says nothing."""
 
@@ -39,8 +57,9 @@ class Surfaces:
 
     name = "surfaces"
     given = {"sight": 16}
-    outputs = {"factor": 3, "roughness": 1}
-    names = ["sight", "truth.albedo", "truth.normal", "truth.roughness", "truth.depth"]
+    outputs = {"normal": 3, "factor": 3, "roughness": 1}
+    names = ["sight", "view", "toward", "closed", "direct", "seen"]
+    names += [f"truth.{name}" for name in ("albedo", "normal", "roughness", "depth", "relit", "shadow")]
 
     def __init__(self, **shape):
         self.network = SurfacesNet(**shape)
@@ -52,13 +71,19 @@ class Surfaces:
 
     def errors(self, batch):
         """(squared errors by name as the tables state them, what training descends)."""
-        sight = batch["sight"]
+        sight, view = batch["sight"], batch["view"]
         normal, albedo, roughness, depth, sigma = self.network.taught(sight)
-        truth = {name: batch[f"truth.{name}"] for name in ("albedo", "normal", "roughness", "depth")}
+        truth = {name: batch[f"truth.{name}"] for name in ("albedo", "normal", "roughness", "depth", "relit")}
         known = sight[:, 15:16] * torch.stack([t.isfinite().all(1) for t in truth.values()], 0).all(0)[:, None]
         truth = {name: torch.nan_to_num(t) for name, t in truth.items()}
         normal = functional.normalize(sight[:, 0:3] + normal, dim=1)
-        albedo = (sight[:, 3:6] ** 2 * torch.exp(albedo.clamp(-4, 4))).clamp(0, 1)
+        facing = [(n * view).sum(1, keepdim=True).clamp(min=LEAST_COSINE) for n in (sight[:, 0:3], normal)]
+        albedo = sight[:, 3:6] ** 2 * facing[0] / facing[1] * torch.exp(albedo.clamp(-4, 4))
+        albedo = albedo.clamp(0, 1)
+        toward = batch["toward"][:, :, None, None]
+        bounced = torch.nan_to_num(batch["closed"]) - batch["seen"] * torch.nan_to_num(batch["direct"])
+        light = batch["truth.shadow"] * shaded(normal, albedo, roughness, toward, view) + bounced
+        apart = light.clamp(0, 1) - truth["relit"].clamp(0, 1)
         # No further than the closed form's own doubt: what is known exactly stays.
         doubt = MOST_SIGMAS * (torch.exp(4 * sight[:, 11:12]) - 1) / 1000
         depth = torch.minimum(torch.maximum(depth, -doubt), doubt)
@@ -67,6 +92,7 @@ class Surfaces:
             "albedo": mean((albedo - truth["albedo"]) ** 2, known),
             "normal": mean((0.5 * (normal - truth["normal"])) ** 2, known),
             "roughness": mean((roughness - truth["roughness"]) ** 2, known),
+            "relit": mean(apart**2, known),
         }
         roots = mean((albedo.clamp(min=1e-4).sqrt() - truth["albedo"].sqrt()) ** 2, known)
         # Shape matters to shading and shadows, where a surface stands less; edges of things are others' errors.
@@ -74,8 +100,9 @@ class Surfaces:
         sides = sum(mean((scaled.diff(dim=d)).abs().clamp(max=0.5), known.narrow(d, 1, known.shape[d] - 1)) for d in (2, 3))
         depth_loss = mean(functional.huber_loss(scaled, torch.zeros_like(scaled), reduction="none", delta=0.1), known)
         sigma_loss = mean(gaussians(step.detach().abs().clamp(1e-4), sigma), known)
-        loss = errors["albedo"] + roots + 2 * errors["normal"] + 0.5 * errors["roughness"]
-        loss = loss + depth_loss + 0.2 * sides + 1e-3 * sigma_loss
+        loss = errors["albedo"] + roots + 2 * errors["normal"] + 0.2 * errors["roughness"]
+        relit = mean(functional.huber_loss(apart, torch.zeros_like(apart), reduction="none", delta=0.2), known)
+        loss = loss + 16 * relit + depth_loss + 0.2 * sides + 1e-3 * sigma_loss
         errors["depth"] = mean((step.abs() / DEPTH_UNIT).clamp(max=5), known)
         return errors, loss
 

@@ -8,7 +8,7 @@ import torch
 
 from .lessons import Lessons
 from .networks import LightNet, SurfacesNet, parameters
-from .tasks import TASKS
+from .tasks import TASKS, shaded
 
 SIDE = 64
 
@@ -20,6 +20,7 @@ def lesson(folder, seed):
     share = lambda: dice.integers(256, size=(2, SIDE, SIDE), dtype=np.uint8)
     found = {"sight": plane(16), "ground": plane(7), "albedo": plane(1, 3), "toward": dice.random((2, 3)).astype(np.float32)}
     found |= {name: share() for name in ("seen", "thin", "thick", "truth.shadow")}
+    found["view"] = plane(3)
     found |= {name: plane(2, 3) for name in ("closed", "direct", "truth.relit")}
     found |= {"truth.albedo": plane(1, 3), "truth.normal": plane(1, 3), "truth.roughness": plane(1), "truth.depth": plane(1)}
     header, at = {}, 0
@@ -68,7 +69,7 @@ def test_an_untrained_network_leaves_the_closed_form_nearly_as_it_is(tmp_path):
 def test_what_is_shipped_says_the_same():
     network, sight = SurfacesNet(), torch.rand(1, 16, 32, 32)
     torch.nn.init.normal_(network.head.weight)
-    for one, other in zip(network.taught(sight)[1:3], network.shipped()(sight), strict=True):
+    for one, other in zip(network.taught(sight)[:3], network.shipped()(sight), strict=True):
         assert torch.allclose(one, other, atol=1e-5)
 
 
@@ -76,5 +77,16 @@ def test_both_networks_together_are_small_and_answer_in_the_size_they_are_given(
     surfaces, light = SurfacesNet(), LightNet()
     assert parameters(surfaces) + parameters(light) < 1_000_000
     sizes = [tuple(said.shape) for said in surfaces.shipped()(torch.rand(1, 16, 48, 80))]
-    assert sizes == [(1, c, 48, 80) for c in (3, 1)]
+    assert sizes == [(1, c, 48, 80) for c in (3, 3, 1)]
     assert [tuple(said.shape) for said in light(torch.rand(1, 17, 48, 80))] == [(1, c, 48, 80) for c in (1, 1, 3)]
+
+
+def test_what_is_shaded_is_matte_where_nothing_shines():
+    toward_camera = torch.tensor([0.0, 0.0, 1.0])[None, :, None, None]
+    for slope in (0.0, 0.5, 0.9):
+        toward = torch.tensor([slope, 0.0, (1 - slope**2) ** 0.5])[None, :, None, None]
+        rough, smooth = (shaded(toward_camera, torch.full((1, 3, 1, 1), 0.5), torch.full((1, 1, 1, 1), r), toward, toward_camera) for r in (1.0, 0.05))
+        matte = 0.5 * toward[:, 2:]
+        assert (rough > matte).all() and (rough < 1.1 * matte + 0.01).all(), slope
+        # At the mirror's angle alone does a smooth surface shine.
+        assert (smooth > 10).all() if slope == 0 else torch.allclose(smooth, matte.expand_as(smooth), atol=0.05), slope

@@ -9,7 +9,10 @@ use crate::{
     folder::{Capture, FolderError},
     relight::{
         Lamp,
-        networks::{Channels, compact::Correction},
+        networks::{
+            Channels,
+            compact::{Correction, toward_camera},
+        },
     },
     session::SessionError,
     shot::Shot,
@@ -143,6 +146,7 @@ impl Lessons {
             .into());
         }
         lesson.channels("sight", &given);
+        lesson.channels("view", &toward_camera(&development.scene));
         lesson.colors("truth.albedo", &[&albedo.0]);
         lesson.colors("truth.normal", &[&normal.map(|n| [n.x, -n.y, -n.z])]);
         lesson.plane("truth.roughness", &roughness);

@@ -11,7 +11,7 @@ mod surfaces;
 
 pub use doubt::UNSHADOWED;
 pub use light::{Correction, Ground, Swept};
-pub use sight::Sight;
+pub use sight::{Sight, toward_camera};
 pub use surfaces::corrected;
 
 use super::{
@@ -23,7 +23,7 @@ use drivers::Plane;
 
 /// Both networks.
 pub struct Compact {
-    /// sight → factor, roughness.
+    /// sight → normal, factor, roughness.
     pub surfaces: Box<dyn Network>,
     /// lamp → weight, shadow, bounced.
     pub light: Box<dyn Network>,

@@ -101,6 +101,19 @@ impl Sight<'_> {
     }
 }
 
+/// Unit vectors from what is seen to the camera (x right, y up, z toward the camera) on the networks' grid; 0 where the
+/// lens has no ray.
+pub fn toward_camera(scene: &Scene) -> Channels {
+    let size = GRID.within(scene.albedo.size());
+    let camera = scene.camera.scaled_to(size.0, size.1);
+    Channels::from_pixels(size, |index| {
+        let pixel = DVec2::new((index % size.0) as f64, (index / size.0) as f64);
+        let ray = camera.ray(pixel).map_or(Vec3::ZERO, |ray| ray.as_vec3());
+        let ray = ray.normalize_or_zero();
+        [-ray.x, ray.y, ray.z]
+    })
+}
+
 /// The upper of two middle values; `None` of nothing.
 fn median(values: impl Iterator<Item = f32>) -> Option<f32> {
     let mut values: Vec<f32> = values.collect();
