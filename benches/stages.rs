@@ -14,7 +14,8 @@ use captured::{
     radiometry::{LinearImage, NoiseModel, linearise, subtract_linear_into},
     registration::{RegisteredDepth, RigMaps, Scratch, register_into},
     relight::{
-        Environment, Indirect, Lamp, LightSet, Preparation, Prepared, RelightOptions, Shadows,
+        Environment, Indirect, Lamp, LightSet, Origin, Preparation, Prepared, RelightOptions,
+        Shadows,
         visibility::{Answers, Occluders, sweep},
     },
 };
@@ -214,13 +215,13 @@ fn marches() {
     let lamp = Lamp::from_person([0.5, 0.6, 0.62]).expect("a direction");
     let bytes = 512 * 512 * 9;
     let swept = line("sweep alone, one light, 512²", bytes, None, || {
-        black_box(sweep(&occluders, lamp.toward()));
+        black_box(sweep(&occluders, Origin::Distant(lamp.toward())));
     });
     let marched = line("march of 64 steps, one light, 512²", bytes, None, || {
         black_box(world::march_64(&scene, lamp.toward()));
     });
     let steps = world::march_64(&scene, lamp.toward());
-    let answer = sweep(&occluders, lamp.toward());
+    let answer = sweep(&occluders, Origin::Distant(lamp.toward()));
     let answers = Answers::new(&answer, 512);
     let mut row = vec![0.0; 512];
     let (mut by_sweep, mut by_steps, mut count) = (0, 0, 0);
@@ -235,7 +236,7 @@ fn marches() {
                 &scene.camera,
                 metres,
                 &scene.thickness_metres,
-                lamp.toward(),
+                Origin::Distant(lamp.toward()),
                 (x, y),
             );
             count += 1;

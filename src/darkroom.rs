@@ -4,9 +4,12 @@ mod answering;
 mod doubts;
 mod lights;
 mod modelled;
+mod reel;
+mod standing;
 mod surroundings;
 
 pub use answering::{Answering, Asked, Auto, LoadNetworks, ready};
+pub use reel::{Moment, Reel};
 
 use crate::{
     api::FaultKind,
@@ -16,13 +19,14 @@ use crate::{
     output::{Destination, Manifest, OutputError, RelitView, Results, Tone, sheet::Panel, write},
     parsimony::TooLittleTime,
     radiometry::{SubtractionReport, burst::BurstReport, linearise},
-    relight::{Environment, Lamp, Relit, networks::NetworkError},
+    relight::{Environment, Luminaire, Relit, networks::NetworkError},
     shot::{DropCounts, Shot},
     verdict::{Verdict, judge},
 };
 use doubts::{doubts, fraction, mean_confidence};
 use drivers::{ColorFrame, Plane};
 use modelled::{Evidence, Modelled};
+use standing::Standing;
 use std::time::Instant;
 use surroundings::Surroundings;
 use thiserror::Error;
@@ -36,8 +40,8 @@ pub struct Order<'a> {
     pub shot: &'a Shot,
     /// Where they came from.
     pub source: Source<'a>,
-    /// Distant lights, in the order of the numbered results.
-    pub lamps: &'a [Lamp],
+    /// Lamps, in the order of the numbered results.
+    pub lamps: &'a [Luminaire],
     /// Light from all around and what it is called; its results come last.
     pub environment: Option<(&'a str, &'a Environment)>,
     /// What answers.
@@ -73,6 +77,10 @@ pub enum DarkroomError {
         weak_percent: f32,
         snr_db: f32,
     },
+    #[error(
+        "light {index} is near, and the paper's networks know distant lights alone; give it a direction, or use --tier compact, closed or auto"
+    )]
+    NearForPaper { index: usize },
     #[error(transparent)]
     Budget(#[from] TooLittleTime),
     #[error(transparent)]
@@ -90,7 +98,7 @@ impl DarkroomError {
     pub fn kind(&self) -> FaultKind {
         match self {
             Self::Develop(_) | Self::NoFlash { .. } | Self::Costs(_) => FaultKind::Shot,
-            Self::Budget(_) => FaultKind::Request,
+            Self::Budget(_) | Self::NearForPaper { .. } => FaultKind::Request,
             Self::Inference(_) | Self::Network(_) => FaultKind::Input,
             Self::Output(_) => FaultKind::Output,
         }
@@ -110,6 +118,11 @@ pub fn print(
     to: &Destination<'_>,
     observe: &mut dyn FnMut(&str),
 ) -> Result<Manifest, DarkroomError> {
+    let near = |lamp: &Luminaire| !matches!(lamp, Luminaire::Distant(_));
+    if let (Answering::Paper(_), Some(index)) = (order.answering, order.lamps.iter().position(near))
+    {
+        return Err(DarkroomError::NearForPaper { index });
+    }
     let clock = &mut Clock::default();
     let Modelled {
         mut model,
@@ -129,10 +142,18 @@ pub fn print(
         observe(&format!("choosing lights for {name}"));
         Surroundings::new(environment, &model.development, clock)
     });
+    let standing = Standing::new(order.lamps, &model.development, clock);
     // Asked for by no later stage; 48 MB of a photograph of 12 megapixels.
     model.development.flash_only.variance = Plane::default();
     let around = surroundings.as_ref();
-    let relit = lights::lit(order, around, &mut model, networks.as_ref(), clock, observe)?;
+    let relit = lights::lit(
+        order,
+        (&standing, around),
+        &mut model,
+        networks.as_ref(),
+        clock,
+        observe,
+    )?;
     let development = &model.development;
     let timings_ms = clock.end();
     if let (Answering::Auto(auto), Some(evidence)) = (order.answering, &evidence)
@@ -154,7 +175,7 @@ pub fn print(
     let directions = order
         .lamps
         .iter()
-        .map(Lamp::person_direction)
+        .map(Luminaire::person_origin)
         .chain([[0.0; 3]]);
     let views: Vec<RelitView<'_>> = relit
         .iter()
@@ -178,6 +199,7 @@ pub fn print(
         (evidence.as_ref(), verdict.as_ref()),
         &relit,
     );
+    report["large_lights"] = serde_json::json!(standing.found);
     report["environment"] = serde_json::json!(surroundings.map(|all| all.found));
     let results = Results {
         source: order.source.name,
@@ -235,9 +257,23 @@ fn photograph(label: &str, frame: &ColorFrame) -> Option<Panel> {
     Some(Panel::light(label, &light, &Tone::robust([&light])))
 }
 
-fn label(lamp: &Lamp) -> String {
-    let [x, y, z] = lamp.person_direction();
-    format!("{x:.2},{y:.2},{z:.2}")
+fn label(lamp: &Luminaire) -> String {
+    let [x, y, z] = lamp.person_origin();
+    let (of, metres) = match lamp {
+        Luminaire::Distant(_) => ("", ""),
+        Luminaire::Near(_) => ("at ", " m"),
+        Luminaire::Area(_) => ("large at ", " m"),
+    };
+    format!("{of}{x:.2},{y:.2},{z:.2}{metres}")
+}
+
+/// The paper's networks know distant lights alone.
+fn refuse_near_for_paper(order: &Order<'_>) -> Result<(), DarkroomError> {
+    let near = |lamp: &Luminaire| !matches!(lamp, Luminaire::Distant(_));
+    match (order.answering, order.lamps.iter().position(near)) {
+        (Answering::Paper(_), Some(index)) => Err(DarkroomError::NearForPaper { index }),
+        _ => Ok(()),
+    }
 }
 
 /// A picture that holds noise alone has no answer.

@@ -2,7 +2,10 @@
 
 mod march;
 
-use captured::relight::visibility::{Answers, Occluders, sweep};
+use captured::relight::{
+    Origin,
+    visibility::{Answers, Occluders, sweep},
+};
 use drivers::{Distortion, Intrinsics, Plane};
 use glam::Vec3;
 use march::march;
@@ -54,7 +57,7 @@ fn balls_before_a_wall(camera: &Intrinsics) -> Plane<f32> {
 }
 
 /// Does the surface at a pixel face the lamp, by the plane through it and two neighbours?
-fn faces(camera: &Intrinsics, metres: &Plane<f32>, toward: Vec3, (x, y): (usize, usize)) -> bool {
+fn faces(camera: &Intrinsics, metres: &Plane<f32>, lamp: Origin, (x, y): (usize, usize)) -> bool {
     let point = |x: usize, y: usize| {
         let (x, y) = (x.min(camera.width - 1), y.min(camera.height - 1));
         Vec3::new(
@@ -65,25 +68,34 @@ fn faces(camera: &Intrinsics, metres: &Plane<f32>, toward: Vec3, (x, y): (usize,
     };
     let (x0, y0) = (x.min(camera.width - 2), y.min(camera.height - 2));
     let normal = (point(x0, y0 + 1) - point(x0, y0)).cross(point(x0 + 1, y0) - point(x0, y0));
+    let toward = match lamp {
+        Origin::Distant(toward) => toward,
+        Origin::Near(position) => position - point(x, y),
+    };
     normal.dot(toward) > 0.0
 }
 
-fn agreement(size: (usize, usize), toward: Vec3, thickness: f32) -> f64 {
+fn balls(size: (usize, usize), thickness: f32) -> (Intrinsics, Plane<f32>, Plane<f32>, Occluders) {
     let camera = camera(size.0, size.1);
     let metres = balls_before_a_wall(&camera);
     let thickness = Plane::filled(size.0, size.1, thickness);
     let sigma = Plane::filled(size.0, size.1, 0.0);
     let occluders = Occluders::new(camera, &metres, &thickness, &sigma);
-    let swept = sweep(&occluders, toward);
+    (camera, metres, thickness, occluders)
+}
+
+fn agreement(size: (usize, usize), lamp: Origin, thickness: f32) -> f64 {
+    let (camera, metres, thickness, occluders) = balls(size, thickness);
+    let swept = sweep(&occluders, lamp);
     let answers = Answers::new(&swept, size.0);
     let mut row = vec![0.0; size.0];
     let mut same = 0;
     for y in 0..size.1 {
         answers.row(y, &mut row);
         for (x, swept) in row.iter().enumerate() {
-            let marched = march(&camera, &metres, &thickness, toward, (x, y));
+            let marched = march(&camera, &metres, &thickness, lamp, (x, y));
             // What is turned away from the lamp is dark by its normal, for both alike.
-            let faces = faces(&camera, &metres, toward, (x, y));
+            let faces = faces(&camera, &metres, lamp, (x, y));
             same += usize::from(!faces || (*swept > 0.5) == marched);
         }
     }
@@ -105,18 +117,86 @@ fn directions() -> Vec<Vec3> {
     all
 }
 
+/// Asserts that the sweep and the march agree on 99 % of the pixels, and under every lamp on at least `least`.
+fn assert_agreement(lamps: &[Origin], least: f64) {
+    let same: Vec<f64> = lamps
+        .iter()
+        .map(|lamp| agreement((160, 120), *lamp, 0.15))
+        .collect();
+    let mean = same.iter().sum::<f64>() / same.len() as f64;
+    let worse: Vec<_> = lamps
+        .iter()
+        .zip(&same)
+        .filter(|(_, same)| **same < least)
+        .collect();
+    assert!(mean >= 0.99, "mean agreement {mean}");
+    assert!(worse.is_empty(), "{worse:?}");
+}
+
 #[test]
 fn the_sweep_agrees_with_the_march_on_99_percent_of_pixels() {
-    let mut worst = (1.0, Vec3::ZERO);
-    let mut sum = 0.0;
-    for toward in directions() {
-        let same = agreement((160, 120), toward, 0.15);
-        sum += same;
-        if same < worst.0 {
-            worst = (same, toward);
+    let lamps: Vec<Origin> = directions().into_iter().map(Origin::Distant).collect();
+    assert_agreement(&lamps, 0.985);
+}
+
+/// Places all around the balls: behind the lens, in its plane, in front of it outside the picture and
+/// inside it, between the balls and the wall, and behind the wall.
+fn places() -> Vec<Origin> {
+    let mut all = vec![Vec3::new(0.0, 0.0, -0.5), Vec3::new(0.02, -0.01, 0.0)];
+    for z in [-0.4f32, 0.0, 0.001, 0.3, 0.8, 1.2, 1.5, 2.5] {
+        for k in 0..4 {
+            let azimuth = 0.3 + k as f32 * std::f32::consts::TAU / 4.0;
+            let away = if k % 2 == 0 { 0.3 } else { 1.1 };
+            all.push(Vec3::new(away * azimuth.cos(), away * azimuth.sin(), z));
         }
     }
-    let mean = sum / directions().len() as f64;
-    assert!(mean >= 0.99, "mean agreement {mean}");
-    assert!(worst.0 >= 0.985, "worst agreement {worst:?}");
+    all.into_iter().map(Origin::Near).collect()
+}
+
+#[test]
+fn the_sweep_agrees_with_the_march_for_lamps_near_to_the_scene_too() {
+    // A few centimetres behind a ball, less than ten pixels, its edge is as wide as what the lamp sees of it.
+    assert_agreement(&places(), 0.95);
+}
+
+/// Visibility of every pixel, row by row.
+fn swept(occluders: &Occluders, lamp: Origin) -> Vec<f32> {
+    let (width, height) = occluders.size();
+    let swept = sweep(occluders, lamp);
+    let answers = Answers::new(&swept, width);
+    let mut all = vec![0.0; width * height];
+    for (y, row) in all.chunks_mut(width).enumerate() {
+        answers.row(y, row);
+    }
+    all
+}
+
+#[test]
+fn a_near_lamp_very_far_away_casts_the_shadows_of_a_distant_one() {
+    let occluders = balls((160, 120), 0.15).3;
+    for toward in directions() {
+        let distant = swept(&occluders, Origin::Distant(toward));
+        let near = swept(&occluders, Origin::Near(2e4 * toward));
+        let differ = distant
+            .iter()
+            .zip(&near)
+            .filter(|(a, b)| (*a - *b).abs() > 0.1);
+        // Where the two round to either side of a shadow's edge.
+        let differ = differ.count() as f64 / near.len() as f64;
+        assert!(differ < 0.002, "{toward}: {differ}");
+    }
+}
+
+#[test]
+fn a_lamp_inside_the_lens_casts_no_shadow_that_is_seen() {
+    let occluders = balls((160, 120), 0.15).3;
+    for place in [
+        Vec3::ZERO,
+        Vec3::new(1e-4, 0.0, 0.0),
+        Vec3::new(0.0, 0.0, -1e-4),
+    ] {
+        let dark = swept(&occluders, Origin::Near(place));
+        let dark = dark.iter().filter(|lit| **lit < 0.5).count();
+        assert!(dark < 20, "{place}: {dark} of 19200 pixels");
+    }
 }

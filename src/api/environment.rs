@@ -25,8 +25,8 @@ impl EnvironmentLight {
     /// The lights of `environment`.
     pub fn new(name: &str, environment: &Environment) -> Self {
         let lights = environment.lamps().map(|lamp| Light {
-            direction: lamp.person_direction(),
             intensity: lamp.color,
+            ..Light::from_direction(lamp.person_direction())
         });
         Self {
             name: name
@@ -51,7 +51,7 @@ impl EnvironmentLight {
             return Err(said("the name is no line of 100 characters".to_owned()));
         }
         let lamp = |(index, light): (usize, &Light)| {
-            let lamp = light.lamp();
+            let lamp = light.distant();
             lamp.map_err(|fault| said(format!("light {index}: {fault}")))
         };
         let lamps: Vec<Lamp> = self

@@ -1,18 +1,36 @@
 //! Lights as people and scripts give them, and the checks every list of them passes.
 
 use super::EnvironmentLight;
-use crate::relight::{Environment, Lamp, LampError};
+use crate::relight::{AreaLamp, Emitter, Environment, Lamp, LampError, Luminaire};
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
 use thiserror::Error;
 
-/// A distant light.
+/// A light: a distant one in a `direction`, or a near one at a `position`, there a point, a ball with a
+/// `radius` or a panel of a `size`.
+///
+/// Directions and positions: x right, y up, z toward the camera; positions in metres from the color camera's
+/// lens, so that what the camera sees has negative z.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Light {
-    /// Toward the light: x right, y up, z toward the camera; any length but zero.
-    pub direction: [f32; 3],
-    /// Linear red, green, blue; ≥ 0; `[1, 1, 1]` shows a white patch facing the light as 1.0.
+    /// Toward a distant light; any length but zero.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub direction: Option<[f32; 3]>,
+    /// Where a near light stands, or the middle of a large one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub position: Option<[f32; 3]>,
+    /// Of a glowing ball, metres.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub radius: Option<f32>,
+    /// Width and height of a panel, metres.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub size: Option<[f32; 2]>,
+    /// The point that a panel is turned to, metres; it shines to that side alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub toward: Option<[f32; 3]>,
+    /// Linear red, green, blue; ≥ 0; `[1, 1, 1]` shows a white patch facing the light as 1.0, for a near
+    /// light at one metre: it falls with the square of the distance.
     #[serde(default = "Light::white")]
     pub intensity: [f32; 3],
 }
@@ -22,11 +40,30 @@ impl Light {
         [1.0; 3]
     }
 
+    const fn nowhere() -> Self {
+        Self {
+            direction: None,
+            position: None,
+            radius: None,
+            size: None,
+            toward: None,
+            intensity: Self::white(),
+        }
+    }
+
     /// A white light from `direction`.
     pub const fn from_direction(direction: [f32; 3]) -> Self {
         Self {
-            direction,
-            intensity: Self::white(),
+            direction: Some(direction),
+            ..Self::nowhere()
+        }
+    }
+
+    /// A white light that is a point at `position`.
+    pub const fn at(position: [f32; 3]) -> Self {
+        Self {
+            position: Some(position),
+            ..Self::nowhere()
         }
     }
 }
@@ -40,7 +77,7 @@ pub enum LightError {
     #[error("light {index}: {fault}")]
     Lamp { index: usize, fault: LampError },
     #[error(
-        "no light given; add --light x,y,z (x right, y up, z toward the camera), --lights FILE or --environment MAP"
+        "no light given; add --light x,y,z (x right, y up, z toward the camera), --light-at x,y,z, --lights FILE or --environment MAP"
     )]
     None,
     #[error("environment {name:?}: {problem}")]
@@ -49,30 +86,86 @@ pub enum LightError {
     TooMany { found: usize, limit: usize },
 }
 
+/// Reads `x,y,z`.
+fn three_numbers(text: &str) -> Result<[f32; 3], LightError> {
+    let refused = || LightError::Text {
+        text: text.chars().take(80).collect(),
+    };
+    let numbers: Vec<f32> = text
+        .split(',')
+        .map(|number| number.trim().parse().map_err(|_| refused()))
+        .collect::<Result<_, _>>()?;
+    <[f32; 3]>::try_from(numbers).map_err(|_| refused())
+}
+
 impl FromStr for Light {
     type Err = LightError;
 
-    /// Reads `x,y,z`.
+    /// Reads the direction `x,y,z`.
     fn from_str(text: &str) -> Result<Self, LightError> {
-        let refused = || LightError::Text {
-            text: text.chars().take(80).collect(),
-        };
-        let numbers: Vec<f32> = text
-            .split(',')
-            .map(|number| number.trim().parse().map_err(|_| refused()))
-            .collect::<Result<_, _>>()?;
-        let direction = <[f32; 3]>::try_from(numbers).map_err(|_| refused())?;
-        Ok(Self::from_direction(direction))
+        three_numbers(text).map(Self::from_direction)
     }
 }
 
 impl Light {
+    /// Reads the position `x,y,z`.
+    ///
+    /// # Errors
+    /// [`LightError::Text`] for anything but three numbers.
+    pub fn parse_position(text: &str) -> Result<Self, LightError> {
+        three_numbers(text).map(Self::at)
+    }
+
     /// The lamp it means, in the axes of the camera.
     ///
     /// # Errors
-    /// [`LampError`] for directions and intensities that mean nothing.
-    pub fn lamp(&self) -> Result<Lamp, LampError> {
-        Lamp::from_person(self.direction)?.with_color(self.intensity)
+    /// [`LampError`] for places, sizes and intensities that mean nothing.
+    pub fn luminaire(&self) -> Result<Luminaire, LampError> {
+        let color = self.intensity;
+        let position = match (self.direction, self.position) {
+            (Some(_), None) => return Ok(Luminaire::Distant(self.distant()?)),
+            (None, Some(position)) => position,
+            _ => {
+                return Err(LampError::Kind(
+                    "a light has either a direction (distant) or a position (near)",
+                ));
+            }
+        };
+        let area = match (self.radius, self.size, self.toward) {
+            (None, None, None) => {
+                return Ok(Luminaire::Near(
+                    Emitter::at_person(position)?.with_color(color)?,
+                ));
+            }
+            (Some(radius), None, None) => AreaLamp::ball(position, radius)?,
+            (None, Some(size), Some(toward)) => AreaLamp::panel(position, size, toward)?,
+            _ => {
+                return Err(LampError::Kind(
+                    "a large light has either a radius (a ball), or a size and the point `toward` which it is turned (a panel)",
+                ));
+            }
+        };
+        Ok(Luminaire::Area(area.with_color(color)?))
+    }
+
+    /// The distant lamp it means.
+    ///
+    /// # Errors
+    /// [`LampError`] for a near light, and for directions and intensities that mean nothing.
+    pub fn distant(&self) -> Result<Lamp, LampError> {
+        match self {
+            Self {
+                direction: Some(direction),
+                position: None,
+                radius: None,
+                size: None,
+                toward: None,
+                intensity,
+            } => Lamp::from_person(*direction)?.with_color(*intensity),
+            _ => Err(LampError::Kind(
+                "a distant light has a direction, and no position, radius, size or toward",
+            )),
+        }
     }
 }
 
@@ -80,7 +173,7 @@ impl Light {
 #[derive(Debug, Clone, PartialEq)]
 pub struct CheckedLights {
     /// In the order given.
-    pub lamps: Vec<Lamp>,
+    pub lamps: Vec<Luminaire>,
     /// Light from all around and what it is called.
     pub environment: Option<(String, Environment)>,
     /// One sentence for each light whose answer deserves little trust.
@@ -107,7 +200,7 @@ impl CheckedLights {
         let mut warnings = Vec::new();
         for (index, light) in lights.iter().enumerate() {
             let lamp = light
-                .lamp()
+                .luminaire()
                 .map_err(|fault| LightError::Lamp { index, fault })?;
             lamps.push(lamp);
             if lamp.is_behind() {
@@ -141,13 +234,7 @@ mod tests {
     #[test]
     fn three_numbers_make_a_white_light() {
         let light: Light = "0.6, -0.5,0.62".parse().unwrap();
-        assert_eq!(
-            light,
-            Light {
-                direction: [0.6, -0.5, 0.62],
-                intensity: [1.0; 3]
-            }
-        );
+        assert_eq!(light, Light::from_direction([0.6, -0.5, 0.62]));
     }
 
     #[test]
@@ -185,6 +272,58 @@ mod tests {
     }
 
     #[test]
+    fn a_light_is_of_one_kind() {
+        let (place, front) = (
+            Light::at([0.5, 0.5, -1.0]),
+            Light::from_direction([0.0, 0.0, 1.0]),
+        );
+        let (radius, size, toward) = (Some(0.1), Some([0.4, 0.3]), Some([0.0, 0.0, -1.5]));
+        let ball = Light { radius, ..place };
+        let panel = Light {
+            size,
+            toward,
+            ..place
+        };
+        assert!(matches!(place.luminaire(), Ok(Luminaire::Near(_))));
+        assert!(matches!(ball.luminaire(), Ok(Luminaire::Area(_))));
+        assert!(matches!(panel.luminaire(), Ok(Luminaire::Area(_))));
+        for neither in [
+            Light::nowhere(),
+            Light {
+                position: place.position,
+                ..front
+            },
+            Light { radius, ..front },
+            Light {
+                size,
+                toward,
+                ..front
+            },
+            Light { size, ..place },
+            Light { toward, ..place },
+            Light { radius, ..panel },
+        ] {
+            let refused = neither.luminaire();
+            assert!(
+                matches!(refused, Err(LampError::Kind(_))),
+                "{neither:?}: {refused:?}"
+            );
+            assert!(neither.distant().is_err());
+        }
+        // Older clients and files say directions alone.
+        let old: Light = serde_json::from_str(r#"{"direction": [0, 0, 1]}"#).unwrap();
+        assert_eq!(old, front);
+        assert_eq!(
+            serde_json::to_value(front)
+                .unwrap()
+                .as_object()
+                .unwrap()
+                .len(),
+            2
+        );
+    }
+
+    #[test]
     fn a_light_from_behind_is_answered_with_a_warning_and_one_from_the_front_is_not() {
         let of = |z| CheckedLights::new(&[Light::from_direction([0.3, 0.0, z])], 1, None).unwrap();
         assert_eq!(of(0.5).warnings.len(), 0);
@@ -204,7 +343,7 @@ mod tests {
     proptest! {
         #[test]
         fn any_text_is_a_light_or_an_error_but_never_a_panic(text in ".{0,40}") {
-            if let Ok(lamp) = text.parse::<Light>().map_err(drop).and_then(|light| light.lamp().map_err(drop)) {
+            if let Ok(lamp) = text.parse::<Light>().map_err(drop).and_then(|light| light.distant().map_err(drop)) {
                 prop_assert!((lamp.toward().length() - 1.0).abs() < 1e-4);
             }
         }

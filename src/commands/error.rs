@@ -11,7 +11,7 @@ use crate::{
     folder::{FolderError, ImageError},
     inference::InferenceError,
     infrared::InfraredError,
-    output::CommitError,
+    output::{CommitError, FilmError},
     radiometry::ResponseError,
     session::SessionError,
     store::StoreError,
@@ -83,6 +83,8 @@ pub enum CommandError {
     #[error(transparent)]
     Commit(#[from] CommitError),
     #[error(transparent)]
+    Film(#[from] FilmError),
+    #[error(transparent)]
     Input(#[from] InputError),
     #[error(transparent)]
     Result(#[from] ResultError),
@@ -113,9 +115,11 @@ impl CommandError {
             | Self::Corruption(_)
             | Self::Beside(_)
             | Self::Eval(_) => FaultKind::Input,
-            Self::Result(_) | Self::Report(_) | Self::Unwritten(_) | Self::Commit(_) => {
-                FaultKind::Output
-            }
+            Self::Result(_)
+            | Self::Report(_)
+            | Self::Unwritten(_)
+            | Self::Film(_)
+            | Self::Commit(_) => FaultKind::Output,
             Self::Costs(_) => FaultKind::Shot,
             Self::Device(error) => crate::session::kind_of(error),
             Self::Session(error) => return error.fault(),

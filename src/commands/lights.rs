@@ -24,12 +24,27 @@ pub struct LightArguments {
     /// A distant light: x right, y up, z toward the camera, pointing toward the light; may be repeated.
     #[arg(long = "light", value_name = "X,Y,Z", allow_hyphen_values = true)]
     light: Vec<String>,
-    /// A TOML file of lights: [[light]] direction = [x, y, z], intensity = [r, g, b] (optional).
+    /// A near light: metres from the color camera's lens, x right, y up, z toward the camera, so that what the
+    /// camera sees has negative z; as bright as to show a white patch at one metre as 1; may be repeated.
+    #[arg(long = "light-at", value_name = "X,Y,Z", allow_hyphen_values = true)]
+    light_at: Vec<String>,
+    /// A TOML file of lights: [[light]] with direction = [x, y, z] for a distant one, or position = [x, y, z] in
+    /// metres for a near one; a large one with radius = r, or size = [w, h] and toward = [x, y, z]; and, if
+    /// wanted, intensity = [r, g, b].
     #[arg(long = "lights", value_name = "FILE")]
     lights: Option<PathBuf>,
     /// A map of the light all around, .hdr or .exr, twice as wide as high.
     #[arg(long, value_name = "MAP")]
     environment: Option<PathBuf>,
+    /// Turn the map about the vertical: what stood straight ahead goes to the right.
+    #[arg(
+        long,
+        value_name = "DEGREES",
+        default_value_t = 0.0,
+        allow_hyphen_values = true,
+        requires = "environment"
+    )]
+    rotate_environment: f32,
 }
 
 /// The file of `--lights`; the same keys as a capture folder's `truth/lights.toml`.
@@ -44,7 +59,11 @@ struct LightsFile {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct ListedLight {
-    direction: [f32; 3],
+    direction: Option<[f32; 3]>,
+    position: Option<[f32; 3]>,
+    radius: Option<f32>,
+    size: Option<[f32; 2]>,
+    toward: Option<[f32; 3]>,
     intensity: Option<[f32; 3]>,
     #[serde(rename = "image")]
     _image: Option<String>,
@@ -53,13 +72,16 @@ struct ListedLight {
 }
 
 impl LightArguments {
-    /// The lights, those of `--light` first.
+    /// The lights, those of `--light` first, then those of `--light-at`.
     pub fn read(&self) -> Result<Vec<Light>, CommandError> {
         let mut lights = self
             .light
             .iter()
             .map(|text| text.parse())
             .collect::<Result<Vec<Light>, LightError>>()?;
+        for text in &self.light_at {
+            lights.push(Light::parse_position(text)?);
+        }
         if let Some(path) = &self.lights {
             lights.extend(read_file(path)?);
         }
@@ -68,7 +90,36 @@ impl LightArguments {
 
     /// Light from all around, where a map of it is given.
     pub fn read_environment(&self) -> Result<Option<EnvironmentLight>, CommandError> {
-        self.environment.as_deref().map(read_map).transpose()
+        let Some(path) = &self.environment else {
+            return Ok(None);
+        };
+        let environment = gathered(path, &linear_picture(path)?, self.turn()?)?;
+        Ok(Some(EnvironmentLight::new(&name_of(path), &environment)))
+    }
+
+    /// The map that is given, for one that turns.
+    pub fn read_map(&self) -> Result<Option<TurningMap>, CommandError> {
+        let Some(path) = &self.environment else {
+            return Ok(None);
+        };
+        let map = TurningMap {
+            path: path.clone(),
+            radiance: reduced(linear_picture(path)?),
+            degrees: self.turn()?,
+        };
+        // What cannot be an environment is said before anything is made.
+        map.turned(0.0)?;
+        Ok(Some(map))
+    }
+
+    fn turn(&self) -> Result<f32, CommandError> {
+        let degrees = self.rotate_environment;
+        if degrees.is_finite() {
+            return Ok(degrees);
+        }
+        Err(CommandError::Arguments(format!(
+            "--rotate-environment {degrees}: give a number of degrees"
+        )))
     }
 }
 
@@ -86,25 +137,67 @@ pub(super) fn linear_picture(path: &Path) -> Result<Plane<[f32; 3]>, CommandErro
     }
 }
 
-/// Reads a latitude–longitude map of scene-linear light.
-fn read_map(path: &Path) -> Result<EnvironmentLight, CommandError> {
-    let radiance = linear_picture(path)?;
-    let environment = Environment::new(&radiance).map_err(|error| InputError {
-        path: path.to_owned(),
-        problem: error.to_string(),
-        remedy: "give a latitude–longitude map, twice as wide as high",
-    })?;
-    let name = path
-        .file_stem()
-        .map_or_else(|| "environment".into(), |name| name.to_string_lossy());
-    Ok(EnvironmentLight::new(&name, &environment))
+/// A map of light from all around that is to be turned often.
+pub struct TurningMap {
+    path: PathBuf,
+    radiance: Plane<[f32; 3]>,
+    degrees: f32,
+}
+
+impl TurningMap {
+    /// Turned by so many degrees more than asked for.
+    pub fn turned(&self, degrees: f32) -> Result<Environment, CommandError> {
+        gathered(&self.path, &self.radiance, self.degrees + degrees)
+    }
+}
+
+/// A map is gathered into cells of 11°: so many columns are finer by far.
+const TURNED_COLUMNS: usize = 1024;
+
+/// The mean of squares of pixels, where the map is finer than needed and its sides can be halved.
+fn reduced(mut map: Plane<[f32; 3]>) -> Plane<[f32; 3]> {
+    while map.width() > TURNED_COLUMNS
+        && map.width().is_multiple_of(4)
+        && map.height().is_multiple_of(2)
+    {
+        let quarter = |x: usize, y: usize, c: usize| {
+            let pixels = [(0, 0), (1, 0), (0, 1), (1, 1)];
+            let values = pixels.map(|(dx, dy)| map[(2 * x + dx, 2 * y + dy)][c]);
+            values.iter().sum::<f32>() / 4.0
+        };
+        map = Plane::from_fn(map.width() / 2, map.height() / 2, |x, y| {
+            std::array::from_fn(|c| quarter(x, y, c))
+        });
+    }
+    map
+}
+
+fn name_of(path: &Path) -> String {
+    path.file_stem()
+        .map_or_else(|| "environment".into(), |name| name.to_string_lossy())
+        .into_owned()
+}
+
+fn gathered(
+    path: &Path,
+    radiance: &Plane<[f32; 3]>,
+    degrees: f32,
+) -> Result<Environment, CommandError> {
+    Environment::turned(radiance, degrees).map_err(|error| {
+        InputError {
+            path: path.to_owned(),
+            problem: error.to_string(),
+            remedy: "give a latitude–longitude map, twice as wide as high",
+        }
+        .into()
+    })
 }
 
 fn read_file(path: &Path) -> Result<Vec<Light>, CommandError> {
     let refused = |problem: String| InputError {
         path: path.to_owned(),
         problem,
-        remedy: "write [[light]] tables with direction = [x, y, z] and, if wanted, intensity = [r, g, b]",
+        remedy: "write [[light]] tables with direction = [x, y, z] or position = [x, y, z] and, if wanted, intensity = [r, g, b]",
     };
     let unread = |error: std::io::Error| refused(format!("cannot be read: {error}"));
     let mut text = String::new();
@@ -123,6 +216,10 @@ fn read_file(path: &Path) -> Result<Vec<Light>, CommandError> {
         .into_iter()
         .map(|light| Light {
             direction: light.direction,
+            position: light.position,
+            radius: light.radius,
+            size: light.size,
+            toward: light.toward,
             intensity: light.intensity.unwrap_or(white),
         })
         .collect())
@@ -145,7 +242,7 @@ mod tests {
         let arguments = LightArguments {
             light: vec!["1,0,1".into()],
             lights: Some(path),
-            environment: None,
+            ..LightArguments::default()
         };
         let lights = arguments.read().unwrap();
         assert_eq!(lights.len(), 3);
@@ -164,9 +261,8 @@ mod tests {
         ] {
             std::fs::write(&path, text).unwrap();
             let arguments = LightArguments {
-                light: vec![],
                 lights: Some(path.clone()),
-                environment: None,
+                ..LightArguments::default()
             };
             let message = arguments.read().unwrap_err().to_string();
             assert!(

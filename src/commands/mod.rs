@@ -15,6 +15,7 @@ mod daemon_arguments;
 mod error;
 mod eval;
 mod export;
+mod film;
 mod fsck;
 mod import;
 mod inference;
@@ -58,7 +59,8 @@ Exit codes:
   7  the daemon is overloaded, stopping or broken
 
 Light directions: x right, y up, z toward the camera, pointing toward the light; any length.
-0,0,1 is the flash's own direction.";
+0,0,1 is the flash's own direction. Positions of near lights: the same axes, metres from the color
+camera's lens, so that what the camera sees has negative z.";
 
 /// Takes shots with flash, no-flash and depth, and shows them under new light.
 #[derive(Debug, Parser)]
@@ -94,6 +96,8 @@ pub enum Command {
     Shoot(shoot::Shoot),
     /// Show a capture folder or a recording under new light.
     Relight(relight::Relight),
+    /// Show a capture folder or a recording under a light that moves: animated WebP or PNG.
+    Film(film::Film),
     /// Turn a capture folder into a recording.
     Import(import::Import),
     /// Record what a device delivers.
@@ -138,6 +142,7 @@ impl CommandLine {
             Command::Fsck(fsck) => fsck.run(&config),
             Command::Shoot(shoot) => shoot.run(&config),
             Command::Relight(relight) => relight.run(&config),
+            Command::Film(film) => film.run(&config),
             Command::Import(import) => import.run(),
             Command::Record(record) => record.run(&config),
             Command::Info(info) => info.run(),

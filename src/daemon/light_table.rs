@@ -7,12 +7,12 @@ use crate::{
     develop::{Development, Options, develop},
     output::{FRAMES, Tone},
     radiometry::{LinearImage, linearise},
-    relight::{Environment, Lamp, LightSet, RelightOptions, Relit, visibility::VisibilityMap},
+    relight::{Lamp, LightSet, RelightOptions, Relit, summed, visibility::VisibilityMap},
     session,
     shot::Shot,
 };
 use drivers::{Plane, replay::Replay};
-use std::{path::PathBuf, sync::mpsc::Receiver};
+use std::{convert::Infallible, path::PathBuf, sync::mpsc::Receiver};
 use tokio::sync::oneshot;
 
 /// Shots that stay developed: the one that is looked at, and the one before.
@@ -86,12 +86,6 @@ fn answer(table: &mut Vec<Lying>, look: &Look) -> Result<Picture, Fault> {
     picture
 }
 
-/// Light from everywhere.
-fn everywhere() -> LightSet {
-    let even = Environment::new(&Plane::filled(64, 32, [1.0; 3]));
-    LightSet::whole(&even.expect("an even map has its shape and is not dark"))
-}
-
 /// Reads a shot's frames and develops them.
 fn lay(look: &Look) -> Result<Lying, Fault> {
     let fault = |kind, problem: String| Fault {
@@ -161,45 +155,23 @@ impl Lying {
     /// The sum of all lights, and what share of them arrives.
     fn lit(&mut self, lights: &CheckedLights) -> (LinearImage, Plane<f32>) {
         let prepared = &self.development.prepared;
-        let mut answers: Vec<Relit> = lights
-            .lamps
-            .iter()
+        let lamps = lights.lamps.iter();
+        let lamps = lamps.flat_map(|lamp| self.development.emitters(lamp).0);
+        let mut answers: Vec<Relit> = lamps
             .map(|lamp| prepared.relight(lamp, RelightOptions::default()))
             .collect();
         if let Some((_, environment)) = &lights.environment {
             // Of all directions, so that an environment that is turned needs no other.
             let map = self
                 .map
-                .get_or_insert_with(|| prepared.visibility_map(&everywhere()));
+                .get_or_insert_with(|| prepared.visibility_map(&LightSet::everywhere()));
             let few = self.development.light_set(environment, map).0;
             answers.push(prepared.environment(map, &few, RelightOptions::default()));
         }
-        let mut answers = answers.into_iter();
-        let Some(first) = answers.next() else {
-            let (width, height) = prepared.size();
-            return (
-                LinearImage(Plane::filled(width, height, [0.0; 3])),
-                Plane::filled(width, height, 0.0),
-            );
-        };
-        let (mut light, mut shadow, mut count) = (first.light, first.shadow, 1.0);
-        for next in answers {
-            count += 1.0;
-            let pixels = light.0.samples_mut().iter_mut();
-            for (sum, pixel) in pixels.zip(next.light.0.samples()) {
-                for (sum, value) in sum.iter_mut().zip(pixel) {
-                    *sum += value;
-                }
-            }
-            let shades = shadow.samples_mut().iter_mut();
-            for (sum, value) in shades.zip(next.shadow.samples()) {
-                *sum += value;
-            }
-        }
-        for share in shadow.samples_mut() {
-            *share /= count;
-        }
-        (light, shadow)
+        let sum = summed(answers.into_iter().map(Ok::<_, Infallible>));
+        let sum = sum.unwrap_or_else(|never| match never {});
+        let sum = sum.unwrap_or_else(|| prepared.dark());
+        (sum.light, sum.shadow)
     }
 
     /// A photograph as it was taken, on the table's own grid.

@@ -1,40 +1,43 @@
 //! The developed shot under its lights: by its model, or by the paper's networks.
 
-use super::{Answering, Clock, DarkroomError, Order, surroundings::Surroundings};
+use super::{
+    Answering, Clock, DarkroomError, Order, standing::Standing, surroundings::Surroundings,
+};
 use crate::{
     develop::Development,
     parsimony::Model,
     relight::{
-        Relit,
+        Luminaire, Relit,
         enlarge::Mix,
         networks::{Decomposed, Network, NetworkError, Paper, compact::Compact, resampled},
     },
 };
 use drivers::Plane;
 
-/// One answer per lamp, in their order, and one for the environment, which `around` stands for, at the photograph's size.
+/// One answer per lamp, in their order, and one for the environment, at the photograph's size; `stands` is
+/// what stands for either.
 pub(super) fn lit(
     order: &Order<'_>,
-    around: Option<&Surroundings>,
+    stands: (&Standing, Option<&Surroundings>),
     model: &mut Model,
     networks: Option<&Compact>,
     clock: &mut Clock,
     observe: &mut dyn FnMut(&str),
 ) -> Result<Vec<Relit>, DarkroomError> {
     match order.answering {
-        Answering::Closed => by_model(None, order, around, model, clock, observe),
+        Answering::Closed => by_model(None, order, stands, model, clock, observe),
         Answering::Compact(compact) => {
             let network = Some(compact.light.as_ref());
-            by_model(network, order, around, model, clock, observe)
+            by_model(network, order, stands, model, clock, observe)
         }
         Answering::Auto(_) => {
             let network = networks.map(|compact| compact.light.as_ref());
-            by_model(network, order, around, model, clock, observe)
+            by_model(network, order, stands, model, clock, observe)
         }
         Answering::Paper(paper) => Ok(by_networks(
             paper,
             order,
-            around,
+            stands.1,
             &mut model.development,
             clock,
             observe,
@@ -45,16 +48,16 @@ pub(super) fn lit(
 fn by_model(
     network: Option<&dyn Network>,
     order: &Order<'_>,
-    around: Option<&Surroundings>,
+    (standing, around): (&Standing, Option<&Surroundings>),
     model: &Model,
     clock: &mut Clock,
     observe: &mut dyn FnMut(&str),
 ) -> Result<Vec<Relit>, DarkroomError> {
     clock.begin("relight");
     let mut relit = Vec::with_capacity(order.lamps.len());
-    for (index, lamp) in order.lamps.iter().enumerate() {
+    for (index, lamps) in standing.emitters.iter().enumerate() {
         observe(&format!("light {} of {}", index + 1, order.lamps.len()));
-        relit.push(model.relight(lamp, network)?);
+        relit.push(model.relight_all(lamps, network)?);
     }
     if let Some(((name, _), around)) = order.environment.zip(around) {
         observe(name);
@@ -80,7 +83,12 @@ fn by_networks(
     take_surfaces(development, &scene);
     clock.begin("relight");
     let mut relit = Vec::with_capacity(order.lamps.len());
-    for (index, lamp) in order.lamps.iter().enumerate() {
+    // Near ones were refused.
+    let distant = order.lamps.iter().filter_map(|lamp| match lamp {
+        Luminaire::Distant(lamp) => Some(lamp),
+        Luminaire::Near(_) | Luminaire::Area(_) => None,
+    });
+    for (index, lamp) in distant.enumerate() {
         observe(&format!("light {} of {}", index + 1, order.lamps.len()));
         let answer = paper.relight(&feed, &scene, lamp)?;
         relit.push(development.finish_fed(&feed, answer));

@@ -4,7 +4,7 @@ use crate::{
     radiometry::{FlashOnly, LinearImage},
     registration::RegisteredDepth,
     relight::{
-        Environment, Found, LightSet, Preparation, Prepared, Relit,
+        Emitter, Environment, Found, LightSet, Luminaire, Preparation, Prepared, Relit,
         enlarge::enlarge_relit,
         networks::{
             Feed, Network, NetworkError, Photograph, Variant,
@@ -45,10 +45,30 @@ impl Development {
     /// what of the flash photograph's own noise is left in the albedo, or in the photograph where the
     /// picture is enlarged to it again. `map` as in [`Prepared::light_set`].
     pub fn light_set(&self, environment: &Environment, map: &VisibilityMap) -> (LightSet, Found) {
+        let noise = self.relative_noise();
+        self.prepared.light_set(environment, map, &noise)
+    }
+
+    /// The points that stand for a lamp: itself, or for a large one as few as the picture needs within
+    /// its noise, as in [`Self::light_set`], and what they were chosen by.
+    pub fn emitters(&self, lamp: &Luminaire) -> (Vec<Emitter>, Option<Found>) {
+        match lamp {
+            Luminaire::Distant(lamp) => (vec![lamp.into()], None),
+            Luminaire::Near(lamp) => (vec![*lamp], None),
+            Luminaire::Area(lamp) => {
+                let noise = self.relative_noise();
+                let (emitters, found) = self.prepared.area_set(lamp, &noise);
+                (emitters, Some(found))
+            }
+        }
+    }
+
+    /// Standard deviation of the light of a pixel of the working grid, divided by that light.
+    fn relative_noise(&self) -> impl Fn(usize, usize) -> f32 + '_ {
         let flash = &self.flash_only;
         let (width, height) = self.prepared.size();
         let full = flash.light.0.size();
-        let relative_noise = |x: usize, y: usize| {
+        move |x: usize, y: usize| {
             let at = (x * full.0 / width, y * full.1 / height);
             let level = flash.light.0[at].iter().sum::<f32>() / 3.0;
             let variance = if full == (width, height) {
@@ -58,8 +78,7 @@ impl Development {
             };
             // Of light that is all noise, all of it is noise.
             (variance.sqrt() / level.max(0.0)).min(1.0)
-        };
-        self.prepared.light_set(environment, map, &relative_noise)
+        }
     }
 
     /// What the paper's networks are fed: clean ones the smoothed depth; noisy ones the depth as it

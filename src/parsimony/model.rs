@@ -10,8 +10,9 @@ use crate::{
     develop::{DevelopError, Development, Options, Stage, develop_light},
     radiometry::{FlashOnly, LinearImage, photograph},
     relight::{
-        Lamp, Preparation, RelightOptions, Relit,
+        Emitter, Preparation, RelightOptions, Relit,
         networks::{Network, NetworkError, compact::Correction},
+        summed,
     },
     shot::Shot,
     verdict::{Verdict, contradicted, judge},
@@ -160,22 +161,36 @@ impl Model {
         self.leaning.as_ref().map_or(0.0, |(_, share)| *share)
     }
 
-    /// The photograph under a lamp, at its own size. Without a `network` swept shadows stay as they are;
+    /// The photograph under a lamp, distant or near, at its own size. Without a `network` swept shadows stay as they are;
     /// it is the compact one of light, for surfaces that were [refined](Self::refined).
     ///
     /// # Errors
     /// [`NetworkError`] of the network.
     pub fn relight(
         &self,
-        lamp: &Lamp,
+        lamp: impl Into<Emitter>,
+        network: Option<&dyn Network>,
+    ) -> Result<Relit, NetworkError> {
+        self.relight_all(&[lamp.into()], network)
+    }
+
+    /// The photograph under several lamps at once, such as those that stand for a large one; otherwise as
+    /// [`Self::relight`]. Of no lamp it is dark.
+    ///
+    /// # Errors
+    /// [`NetworkError`] of the network.
+    pub fn relight_all(
+        &self,
+        lamps: &[Emitter],
         network: Option<&dyn Network>,
     ) -> Result<Relit, NetworkError> {
         let prepared = &self.development.prepared;
-        let relit = match (&self.correction, network) {
-            (Some(correction), Some(network)) => correction.relight(prepared, lamp, network)?,
-            _ => prepared.relight(lamp, RelightOptions::default()),
-        };
-        let mut relit = self.development.finish(relit);
+        let relit = summed(lamps.iter().map(|lamp| match (&self.correction, network) {
+            (Some(correction), Some(network)) => correction.relight(prepared, lamp, network),
+            _ => Ok(prepared.relight(lamp, RelightOptions::default())),
+        }))?;
+        let dark = || prepared.dark();
+        let mut relit = self.development.finish(relit.unwrap_or_else(dark));
         if let Some((photograph, share)) = &self.leaning {
             hedged(&mut relit, photograph, *share);
         }

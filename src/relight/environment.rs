@@ -54,6 +54,15 @@ impl Environment {
     /// # Errors
     /// [`EnvironmentError`] for a map of another shape, with impossible values, or black.
     pub fn new(radiance: &Plane<[f32; 3]>) -> Result<Self, EnvironmentError> {
+        Self::turned(radiance, 0.0)
+    }
+
+    /// The same map turned about the vertical: by `degrees` what stood straight ahead goes to the right.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn turned(radiance: &Plane<[f32; 3]>, degrees: f32) -> Result<Self, EnvironmentError> {
+        let turn = degrees.rem_euclid(360.0).to_radians();
         let (width, height) = radiance.size();
         if height == 0 || width != 2 * height {
             return Err(EnvironmentError::Shape(width, height));
@@ -67,7 +76,8 @@ impl Environment {
             let share = f64::from(cos_latitude) * (std::f64::consts::PI / height as f64).powi(2)
                 / std::f64::consts::PI;
             for x in 0..width {
-                let longitude = std::f32::consts::TAU * ((x as f32 + 0.5) / width as f32 - 0.5);
+                let longitude =
+                    turn + std::f32::consts::TAU * ((x as f32 + 0.5) / width as f32 - 0.5);
                 let pixel = radiance[(x, y)];
                 if !pixel.iter().all(|value| value.is_finite() && *value >= 0.0) {
                     return Err(EnvironmentError::Value(x, y));
@@ -374,7 +384,8 @@ impl Row<'_> {
                 }
                 let words = u32x16::load_array(simd, words);
                 for lamp in lamps {
-                    let [lit, specular] = facet.reflected(simd, lamp.toward, self.shines);
+                    let toward = lamp.toward.map(|axis| f32x16::splat(simd, axis));
+                    let [lit, specular] = facet.reflected(simd, toward, self.shines);
                     let clear = ((words >> lamp.azimuth) & 1).simd_gt(0);
                     sent = lit.mul_add(lamp.level, sent);
                     let lit = clear.select(lit, zero);
@@ -425,6 +436,26 @@ mod tests {
             let [x, y, _] = lamp.person_direction();
             assert!(x > 0.0 && y > 0.0);
         }
+    }
+
+    #[test]
+    fn a_turned_map_is_the_map_with_its_columns_moved() {
+        let value = |x: usize, y: usize| [((3 * x + y) % 11) as f32, (x % 5) as f32, 1.0];
+        let map = Plane::from_fn(64, 32, value);
+        // A quarter of the way round are 16 columns.
+        let moved = Plane::from_fn(64, 32, |x, y| value((x + 48) % 64, y));
+        let [turned, moved] = [
+            Environment::turned(&map, 90.0).unwrap(),
+            Environment::turned(&moved, 360.0).unwrap(),
+        ];
+        for (a, b) in turned.lamps().zip(moved.lamps()) {
+            assert!(a.toward().dot(b.toward()) > 0.999, "{a:?} {b:?}");
+            assert!((a.color[0] - b.color[0]).abs() < 1e-3 * (1.0 + b.color[0]));
+        }
+        let ahead = Plane::from_fn(64, 32, |x, y| [f32::from(x == 31 && y == 15); 3]);
+        let turned = Environment::turned(&ahead, 100.0).unwrap();
+        let lamp = turned.lamps().next().unwrap();
+        assert!(lamp.person_direction()[0] > 0.9, "to the right");
     }
 
     #[test]

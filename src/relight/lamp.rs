@@ -25,6 +25,20 @@ pub enum LampError {
         "light direction is 0,0,0; give where the light stands, e.g. 0,0,1 for the flash's own direction"
     )]
     Zero,
+    /// A place that is not finite or too far away.
+    #[error(
+        "light position {0:?} must be finite and within 100 km; give metres from the camera's lens, or a direction for a light that is far away"
+    )]
+    Position([f32; 3]),
+    /// A shape without a size.
+    #[error("light of {0} m: a radius or an edge must be between 0.0001 and 1000 m")]
+    Extent(f32),
+    /// A panel turned to itself.
+    #[error("light turned toward where it stands; give another point in `toward`")]
+    Toward,
+    /// Not one kind of light.
+    #[error("{0}")]
+    Kind(&'static str),
     /// A color that is negative or not finite.
     #[error("light color {0:?} must be finite and not negative")]
     Color([f32; 3]),

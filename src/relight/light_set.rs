@@ -7,7 +7,7 @@
 //! (Hašan, Pellacini & Bala, "Matrix row-column sampling for the many-light problem", 2007).
 
 mod cut;
-mod display;
+pub(super) mod display;
 mod sample;
 mod tree;
 
@@ -20,6 +20,7 @@ use super::{
 };
 use cut::{Cut, Sums, add};
 use display::Display;
+use drivers::Plane;
 use rayon::prelude::*;
 use sample::Sample;
 use tree::{Leaf, Tree, power};
@@ -27,9 +28,9 @@ use tree::{Leaf, Tree, power};
 /// Half a step of an 8-bit picture: less is not seen even where there is no noise.
 pub const LEAST_NOISE: f32 = 1.0 / 512.0;
 /// Share of the noise at which the sample counts as within it: of a few thousand pixels, not of all.
-const MARGIN: f32 = 0.8;
+pub(super) const MARGIN: f32 = 0.8;
 /// Of what scatters normally, 95 % lies within so many standard deviations.
-const NORMAL_95: f32 = 1.96;
+pub(super) const NORMAL_95: f32 = 1.96;
 
 /// The lights that stand for an environment.
 #[derive(Debug, Clone, PartialEq)]
@@ -65,6 +66,12 @@ impl LightSet {
         let strong = environment.strong();
         let (strong, weak) = parted(environment, &strong);
         Self { strong, weak }
+    }
+
+    /// A light in every direction: what a visibility map is asked that must do for any environment.
+    pub fn everywhere() -> Self {
+        let even = Environment::new(&Plane::filled(64, 32, [1.0; 3]));
+        Self::whole(&even.expect("an even map has its shape and is not dark"))
     }
 
     /// At most so many lights (at least one), whatever the scene: the clusters with the widest light

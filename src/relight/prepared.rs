@@ -1,18 +1,19 @@
 //! Everything a light needs, computed once per scene, and the answer for one lamp.
 
 use super::{
-    lamp::Lamp,
+    emitter::Emitter,
     obscurance::obscurance,
     pinhole::{Straightened, straighten},
     shading::{ShaderLamp, shade_row},
-    surfaces::Surfaces,
-    visibility::{Answers, Occluders, sweep},
+    surfaces::{Middles, Surfaces},
+    visibility::{Answers, Occluders, map, sweep},
 };
 use crate::{
     radiometry::LinearImage,
     scene::{Material, Scene},
 };
 use drivers::Plane;
+use glam::Vec3;
 use rayon::prelude::*;
 
 /// Which cast shadows to compute.
@@ -176,15 +177,25 @@ impl Prepared {
         (self.width, self.height)
     }
 
-    /// The scene under one lamp.
-    pub fn relight(&self, lamp: &Lamp, options: RelightOptions) -> Relit {
-        let mut light = Plane::filled(self.width, self.height, [0.0; 3]);
-        let mut shadow = Plane::filled(self.width, self.height, 0.0);
-        let unseen_path_fraction = self.relight_into(lamp, options, &mut light, &mut shadow);
+    /// The scene under one lamp, distant or near.
+    pub fn relight(&self, lamp: impl Into<Emitter>, options: RelightOptions) -> Relit {
+        let mut relit = self.dark();
+        let (light, shadow) = (&mut relit.light.0, &mut relit.shadow);
+        relit.unseen_path_fraction = self.relight_into(lamp, options, light, shadow);
+        relit
+    }
+
+    /// The middle of what is known of the scene, camera axes, metres.
+    pub fn middle(&self) -> Vec3 {
+        self.surfaces.middle()
+    }
+
+    /// The scene without any light.
+    pub fn dark(&self) -> Relit {
         Relit {
-            light: LinearImage(light),
-            shadow,
-            unseen_path_fraction,
+            light: LinearImage(Plane::filled(self.width, self.height, [0.0; 3])),
+            shadow: Plane::filled(self.width, self.height, 0.0),
+            unseen_path_fraction: 0.0,
         }
     }
 
@@ -194,7 +205,7 @@ impl Prepared {
     /// When a plane has another size: a bug of the caller.
     pub fn relight_into(
         &self,
-        lamp: &Lamp,
+        lamp: impl Into<Emitter>,
         options: RelightOptions,
         light: &mut Plane<[f32; 3]>,
         shadow: &mut Plane<f32>,
@@ -204,16 +215,16 @@ impl Prepared {
         if self.width * self.height == 0 {
             return 0.0;
         }
+        let emitter = lamp.into();
         let mut shader = ShaderLamp {
-            toward: lamp.toward().to_array(),
-            color: lamp.color,
+            emitter,
             indirect: [0.0; 3],
             shines: self.shines,
         };
         let occluders = self.occluders.as_ref();
         let swept = occluders
             .filter(|_| options.shadows != Shadows::None)
-            .map(|occluders| sweep(occluders, lamp.toward()));
+            .map(|occluders| sweep(occluders, emitter.origin));
         let answers = swept.as_ref().map(|swept| Answers::new(swept, self.width));
         let source = Source::new(self, answers.as_ref());
         let hard = options.shadows == Shadows::Hard;
@@ -246,12 +257,12 @@ impl Prepared {
 
     /// Which pixels the lamp reaches, whatever way they face: 0 = blocked, 1 = clear, between =
     /// probability; everything is clear where no shadows are cast.
-    pub fn visibility(&self, lamp: &Lamp) -> Plane<f32> {
+    pub fn visibility(&self, lamp: impl Into<Emitter>) -> Plane<f32> {
         let mut plane = Plane::filled(self.width, self.height, 1.0);
         if let Some(occluders) = &self.occluders
             && !plane.is_empty()
         {
-            let swept = sweep(occluders, lamp.toward());
+            let swept = sweep(occluders, lamp.into().origin);
             let answers = Answers::new(&swept, self.width);
             let source = Source::new(self, Some(&answers));
             let rows = plane.samples_mut().par_chunks_mut(self.width).enumerate();
@@ -268,6 +279,38 @@ impl Prepared {
         even.surfaces.block_evenly(share);
         even.mean_blocked = share;
         even
+    }
+
+    /// The same with at most so many pixels, and the whole factor that it is smaller by.
+    pub(super) fn reduced(&self, pixels: usize) -> (Self, usize) {
+        let factor = map::factor(self.size(), pixels);
+        let middles = Middles::new(self.size(), factor);
+        let (width, height) = (self.width.div_ceil(factor), self.height.div_ceil(factor));
+        let straightened = self.straightened.as_ref().map(|lookup| {
+            let small = |index: u32| {
+                let index = index as usize;
+                let (x, y) = (index % self.width / factor, index / self.width / factor);
+                u32::try_from(y * width + x).unwrap_or(u32::MAX)
+            };
+            let few = middles.of(self.width, lookup.samples()).into_iter();
+            let few = few.map(|index| {
+                if index == u32::MAX {
+                    index
+                } else {
+                    small(index)
+                }
+            });
+            Plane::new(width, height, few.collect()).expect("one index per pixel")
+        });
+        let small = Self {
+            width,
+            height,
+            surfaces: self.surfaces.reduced(&middles),
+            occluders: self.occluders.as_ref().map(|all| all.reduced(factor)),
+            straightened,
+            ..*self
+        };
+        (small, factor)
     }
 
     /// Mean light the scene sends out, from a sparse look at it.

@@ -4,6 +4,7 @@
 //! corrected; [`crate::scene::karis`] is the same formula for one point, kept as the reference.
 //! Outgoing light under a lamp of color c: `c · (albedo · n·l + π f n·l) · visibility`.
 
+use super::emitter::{Emitter, LEAST_SQUARE, Origin};
 use crate::scene::{F0, ROUGHNESS_FLOOR};
 use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*, u32x16};
 
@@ -24,15 +25,15 @@ pub struct SurfaceRow<'a> {
     pub ray_x: &'a [f32],
     /// y/z of the ray through each pixel.
     pub ray_y: &'a [f32],
+    /// z in metres; NaN = unknown, and dark under a near lamp with it. May be empty where all lamps are distant.
+    pub metres: &'a [f32],
 }
 
 /// One lamp as the shader sees it.
 #[derive(Debug, Clone, Copy)]
 pub struct ShaderLamp {
-    /// Unit vector toward the lamp, camera axes.
-    pub toward: [f32; 3],
-    /// Linear color.
-    pub color: [f32; 3],
+    /// Where its light comes from, and how much.
+    pub emitter: Emitter,
     /// Mean light the scene sends out, per channel; it arrives from the directions the scene
     /// itself blocks.
     pub indirect: [f32; 3],
@@ -102,7 +103,7 @@ impl<S: Simd> Facet<S> {
 
     /// n·l under a lamp in direction `toward`.
     #[inline(always)]
-    fn cosine(&self, [lx, ly, lz]: [f32; 3]) -> f32x16<S> {
+    fn cosine(&self, [lx, ly, lz]: [f32x16<S>; 3]) -> f32x16<S> {
         let [nx, ny, nz] = self.normal;
         nx.mul_add(lx, ny.mul_add(ly, nz * lz))
     }
@@ -110,7 +111,12 @@ impl<S: Simd> Facet<S> {
     /// `[n·l, π f n·l]` under a lamp in direction `toward`, both zero where it is turned away, and
     /// the second everywhere where nothing `shines`.
     #[inline(always)]
-    pub(super) fn reflected(&self, simd: S, toward: [f32; 3], shines: bool) -> [f32x16<S>; 2] {
+    pub(super) fn reflected(
+        &self,
+        simd: S,
+        toward: [f32x16<S>; 3],
+        shines: bool,
+    ) -> [f32x16<S>; 2] {
         if shines {
             self.lobes(simd, toward)
         } else {
@@ -120,7 +126,7 @@ impl<S: Simd> Facet<S> {
     }
 
     #[inline(always)]
-    fn lobes(&self, simd: S, toward: [f32; 3]) -> [f32x16<S>; 2] {
+    fn lobes(&self, simd: S, toward: [f32x16<S>; 3]) -> [f32x16<S>; 2] {
         let one = f32x16::splat(simd, 1.0);
         let ([lx, ly, lz], [vx, vy, vz]) = (toward, self.to_camera);
         let n_dot_l = self.cosine(toward);
@@ -156,7 +162,62 @@ pub fn shade_row(
     visibility: &mut [f32],
     out: &mut [[f32; 3]],
 ) {
-    dispatch!(Level::new(), simd => shade_blocks(simd, surface, lamp, visibility, out));
+    let level = Level::new();
+    match lamp.emitter.origin {
+        Origin::Distant(toward) => {
+            let toward = toward.to_array();
+            dispatch!(level, simd => {
+                let arrives = |_: usize| (toward.map(|axis| f32x16::splat(simd, axis)), None);
+                shade_blocks(simd, surface, lamp, arrives, visibility, out);
+            });
+        }
+        Origin::Near(position) => {
+            let near = Near {
+                position: position.to_array(),
+                facing: lamp.emitter.facing.map(|facing| facing.to_array()),
+            };
+            dispatch!(level, simd => {
+                let arrives = |start: usize| near.arrives(simd, surface, start);
+                shade_blocks(simd, surface, lamp, arrives, visibility, out);
+            });
+        }
+    }
+}
+
+/// The unit vectors toward a lamp, and how much of its light arrives where that is not all of it.
+type Arrival<S> = ([f32x16<S>; 3], Option<f32x16<S>>);
+
+/// A near lamp; as [`Emitter`] has it.
+#[derive(Clone, Copy)]
+struct Near {
+    position: [f32; 3],
+    facing: Option<[f32; 3]>,
+}
+
+impl Near {
+    /// At the block of pixels from `start`; [`Emitter::seen_from`] is the same for one point.
+    #[inline(always)]
+    fn arrives<S: Simd>(&self, simd: S, surface: &SurfaceRow<'_>, start: usize) -> Arrival<S> {
+        let z = block(simd, surface.metres, start);
+        let [px, py, pz] = self.position.map(|axis| f32x16::splat(simd, axis));
+        let (wx, wy, wz) = (
+            px - block(simd, surface.ray_x, start) * z,
+            py - block(simd, surface.ray_y, start) * z,
+            pz - z,
+        );
+        let squared = wx.mul_add(wx, wy.mul_add(wy, wz * wz));
+        // Not a number stays one.
+        let nearest = f32x16::splat(simd, LEAST_SQUARE);
+        let squared = squared.simd_lt(nearest).select(nearest, squared);
+        let per_metre = f32x16::splat(simd, 1.0) / squared.sqrt();
+        let toward = [wx * per_metre, wy * per_metre, wz * per_metre];
+        let mut light = per_metre * per_metre;
+        if let Some([fx, fy, fz]) = self.facing {
+            let turned = toward[0].mul_add(fx, toward[1].mul_add(fy, toward[2] * fz));
+            light *= (turned * -1.0).max(0.0);
+        }
+        (toward, Some(light))
+    }
 }
 
 /// [`LANES`] samples from `start`, or fewer at the end of a row.
@@ -184,27 +245,34 @@ fn shade_blocks<S: Simd>(
     simd: S,
     surface: &SurfaceRow<'_>,
     lamp: &ShaderLamp,
+    arrives: impl Fn(usize) -> Arrival<S>,
     visibility: &mut [f32],
     out: &mut [[f32; 3]],
 ) {
+    let color = lamp.emitter.color;
     let zero = f32x16::splat(simd, 0.0);
     for start in (0..out.len()).step_by(LANES) {
         let end = (start + LANES).min(out.len());
         let facet = Facet::new(simd, surface, start);
-        let [lit, specular] = facet.reflected(simd, lamp.toward, lamp.shines);
+        let (toward, light) = arrives(start);
+        let [lit, specular] = facet.reflected(simd, toward, lamp.shines);
         let seen = block(simd, visibility, start);
-        let (cosine, shine) = (lit * seen, specular * seen);
+        let (mut cosine, mut shine) = (lit * seen, specular * seen);
+        let mut unknown = block(simd, surface.albedo[0], start) * zero;
+        if let Some(light) = light {
+            (cosine, shine) = (cosine * light, shine * light);
+            unknown = light.mul_add(zero, unknown);
+        }
         let blocked = block(simd, surface.obscurance, start);
         let mut channels = [zero; 3];
         for (c, channel) in channels.iter_mut().enumerate() {
-            let diffuse = cosine.mul_add(lamp.color[c], blocked * lamp.indirect[c]);
+            let diffuse = cosine.mul_add(color[c], blocked * lamp.indirect[c]);
             let albedo = block(simd, surface.albedo[c], start);
-            *channel = albedo.mul_add(diffuse, shine * lamp.color[c]);
+            *channel = albedo.mul_add(diffuse, shine * color[c]);
         }
         store(&channels, &mut out[start..]);
-        let shadow = lit.simd_gt(0.0).select(seen, zero);
-        // Unknown albedo makes the sum unknown: zero times it is NaN again.
-        let shadow = block(simd, surface.albedo[0], start).mul_add(zero, shadow);
+        // What is unknown makes the sum unknown: zero times it is NaN again.
+        let shadow = lit.simd_gt(0.0).select(seen, zero) + unknown;
         visibility[start..end].copy_from_slice(&shadow.as_slice()[..end - start]);
     }
 }
@@ -229,7 +297,20 @@ mod tests {
             ray in (-0.6f32..0.6, -0.6f32..0.6),
             roughness in 0.05f32..1.0,
             visibility in 0.0f32..1.0,
+            metres in 0.3f32..4.0,
+            lamp_metres in prop::option::of(0.1f32..3.0),
+            facing in prop::option::of(direction()),
         ) {
+            let point = metres * Vec3::new(ray.0, ray.1, 1.0);
+            let emitter = Emitter {
+                origin: match lamp_metres {
+                    Some(away) => Origin::Near(point + away * toward),
+                    None => Origin::Distant(toward),
+                },
+                facing: facing.map(|facing| -facing),
+                color: [1.0; 3],
+            };
+            let (toward, arriving) = emitter.seen_from(point);
             let to_camera = -Vec3::new(ray.0, ray.1, 1.0).normalize();
             prop_assume!(normal.dot(to_camera) > 0.02);
             let half = (toward + to_camera).normalize();
@@ -243,7 +324,7 @@ mod tests {
             );
             let albedo = [0.2f32, 0.5, 0.9];
             let expected = albedo
-                .map(|a| (a + std::f32::consts::PI * lobe) * n_dot_l.max(0.0) * visibility);
+                .map(|a| (a + std::f32::consts::PI * lobe) * n_dot_l.max(0.0) * visibility * arriving);
             let mut shadow = [visibility];
             let mut out = [[0.0; 3]];
             shade_row(
@@ -254,10 +335,10 @@ mod tests {
                     obscurance: &[0.0],
                     ray_x: &[ray.0],
                     ray_y: &[ray.1],
+                    metres: &[metres],
                 },
                 &ShaderLamp {
-                    toward: toward.to_array(),
-                    color: [1.0; 3],
+                    emitter,
                     indirect: [0.0; 3],
                     shines: true,
                 },

@@ -3,7 +3,7 @@
 use super::shading::SurfaceRow;
 use crate::scene::Scene;
 use drivers::{Distortion, Intrinsics};
-use glam::DVec2;
+use glam::{DVec2, Vec3};
 use rayon::prelude::*;
 
 /// One plane per component, row order; unknown pixels have NaN albedo and a harmless rest.
@@ -15,6 +15,8 @@ pub(super) struct Surfaces {
     roughness: Vec<f32>,
     /// Share of the hemisphere that the scene itself blocks.
     obscurance: Vec<f32>,
+    /// z; NaN = unknown.
+    metres: Vec<f32>,
     rays: Rays,
 }
 
@@ -49,6 +51,45 @@ impl Rays {
             })
             .unzip();
         Self::Bent { x, y }
+    }
+
+    fn reduced(&self, width: usize, middles: &Middles) -> Self {
+        match self {
+            Self::Pinhole { columns, rows } => Self::Pinhole {
+                columns: middles.columns.iter().map(|&x| columns[x]).collect(),
+                rows: middles.rows.iter().map(|&y| rows[y]).collect(),
+            },
+            Self::Bent { x, y } => Self::Bent {
+                x: middles.of(width, x),
+                y: middles.of(width, y),
+            },
+        }
+    }
+}
+
+/// The pixel in the middle of every square of so many.
+pub(super) struct Middles {
+    columns: Vec<usize>,
+    rows: Vec<usize>,
+}
+
+impl Middles {
+    pub(super) fn new((width, height): (usize, usize), factor: usize) -> Self {
+        let middles = |size: usize| {
+            let middle = move |start: usize| (start + (factor - 1) / 2).min(size - 1);
+            (0..size).step_by(factor).map(middle).collect()
+        };
+        Self {
+            columns: middles(width),
+            rows: middles(height),
+        }
+    }
+
+    /// These pixels of a plane so wide.
+    pub(super) fn of<T: Copy>(&self, width: usize, plane: &[T]) -> Vec<T> {
+        let rows = self.rows.iter();
+        rows.flat_map(|y| self.columns.iter().map(move |x| plane[y * width + x]))
+            .collect()
     }
 }
 
@@ -108,8 +149,41 @@ impl Surfaces {
             albedo: [albedo(0), albedo(1), albedo(2)],
             roughness: plane(&|index| shaded_roughness(scene, index), 1.0),
             obscurance,
+            metres: scene.depth_metres.samples().to_vec(),
             rays: Rays::new(&scene.camera),
         }
+    }
+
+    /// The same, each square of pixels taken from the one in its middle.
+    pub(super) fn reduced(&self, middles: &Middles) -> Self {
+        let few = |plane: &Vec<f32>| middles.of(self.width, plane);
+        Self {
+            width: middles.columns.len(),
+            normal: self.normal.each_ref().map(few),
+            albedo: self.albedo.each_ref().map(few),
+            roughness: few(&self.roughness),
+            obscurance: few(&self.obscurance),
+            metres: few(&self.metres),
+            rays: self.rays.reduced(self.width, middles),
+        }
+    }
+
+    /// The middle of what is known, camera axes, metres.
+    pub(super) fn middle(&self) -> Vec3 {
+        let mut level = vec![0.0; self.width];
+        let (mut sum, mut count) = (Vec3::ZERO, 0.0);
+        // A few thousand pixels say it.
+        for y in (0..self.metres.len() / self.width.max(1)).step_by(8) {
+            let row = self.row(y, &mut level);
+            for x in (0..self.width).step_by(8) {
+                let z = row.metres[x];
+                if z.is_finite() && row.albedo[0][x].is_finite() {
+                    sum += z * Vec3::new(row.ray_x[x], row.ray_y[x], 1.0);
+                    count += 1.0;
+                }
+            }
+        }
+        if count > 0.0 { sum / count } else { Vec3::Z }
     }
 
     /// Albedo, one plane a channel; NaN = unknown.
@@ -143,6 +217,7 @@ impl Surfaces {
             obscurance: &self.obscurance[range.clone()],
             ray_x,
             ray_y,
+            metres: &self.metres[range],
         }
     }
 }

@@ -4,6 +4,7 @@ mod answers;
 mod bad_input;
 mod capture;
 mod corrupt;
+mod film;
 mod full_disk;
 mod json;
 mod lamps;

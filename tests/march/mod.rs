@@ -1,9 +1,9 @@
 //! The reference for the sweep: a march along the ray of light through the same slabs.
 
+use captured::relight::Origin;
 use drivers::{Intrinsics, Plane};
-use glam::Vec3;
 
-/// True when nothing stands between the point seen at `pixel` and a lamp in direction `toward`.
+/// True when nothing stands between the point seen at `pixel` and a lamp.
 ///
 /// Walks the ray of light in steps of a quarter pixel of its image and asks at each step whether
 /// the point lies inside the slab of the surface seen there: between its depth (interpolated
@@ -13,16 +13,22 @@ pub fn march(
     camera: &Intrinsics,
     metres: &Plane<f32>,
     thickness_metres: &Plane<f32>,
-    toward: Vec3,
+    lamp: Origin,
     pixel: (usize, usize),
 ) -> bool {
-    let toward = toward.as_dvec3();
     let start_z = f64::from(metres[pixel]);
     let start = glam::DVec3::new(
         (pixel.0 as f64 - camera.cx) / camera.fx,
         (pixel.1 as f64 - camera.cy) / camera.fy,
         1.0,
     ) * start_z;
+    let (toward, reach) = match lamp {
+        Origin::Distant(toward) => (toward.as_dvec3(), f64::INFINITY),
+        Origin::Near(position) => {
+            let way = position.as_dvec3() - start;
+            (way.normalize(), way.length())
+        }
+    };
     let image = |p: glam::DVec3| {
         glam::DVec2::new(
             camera.cx + camera.fx * p.x / p.z,
@@ -60,8 +66,8 @@ pub fn march(
             (ry * start.z - start.y) / (toward.y - ry * toward.z)
         };
         let z = start.z + s * toward.z;
-        // Past the vanishing point, or behind the lens.
-        if s < 0.0 || z <= 0.0 || !s.is_finite() {
+        // Past the vanishing point or the lamp, or behind the lens.
+        if s < 0.0 || s > reach || z <= 0.0 || !s.is_finite() {
             return true;
         }
         // Half a pixel of bias, as any shadow test on samples needs.

@@ -6,7 +6,7 @@ use captured::{
     darkroom::{self, Answering, Order, Source},
     develop::{Options, develop},
     output::{Destination, Disk, Existing, Manifest},
-    relight::{Lamp, networks::Variant},
+    relight::{Lamp, Luminaire, networks::Variant},
 };
 use drivers::open::open;
 
@@ -19,7 +19,8 @@ fn taken(address: &str) -> session::Taken {
 fn a_folder_of_the_papers_tier_says_which_networks_made_it() {
     let taken = taken("synthetic:desk");
     let answering = Answering::Paper(paper());
-    let lamps = [[0.6, 0.5, 0.62], [-0.3, 0.0, 0.9]].map(|l| Lamp::from_person(l).unwrap());
+    let lamps = [[0.6, 0.5, 0.62], [-0.3, 0.0, 0.9]]
+        .map(|l| Luminaire::Distant(Lamp::from_person(l).unwrap()));
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");
     let order = Order {

@@ -50,10 +50,10 @@ pub struct Truth {
     pub roughness: Plane<f32>,
 }
 
-/// The world under one directional light of unit strength.
+/// The world under one light of unit strength, distant or near.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Relit {
-    /// Scene-linear light; a white Lambertian facing the lamp = 1.
+    /// Scene-linear light; a white Lambertian facing the lamp = 1, for a near one at one metre.
     pub light: Plane<[f32; 3]>,
     /// 1 = lit, 0 = in shadow, cast or attached.
     pub shadow: Plane<f32>,
@@ -198,6 +198,27 @@ impl World {
             }),
             shadow: self.seen(f32::NAN, |s| {
                 let lit = s.normal.dot(toward) > 0.0 && self.clear(s, toward, f64::INFINITY);
+                f32::from(u8::from(lit))
+            }),
+        }
+    }
+
+    /// The world under a near lamp alone, as strong as to light a white patch that faces it at one
+    /// metre with 1. `place` in metres from the lens; x right, y up, z toward the camera.
+    pub fn relit_near(&self, place: Vec3) -> Relit {
+        let place = DVec3::new(place.x.into(), -f64::from(place.y), -f64::from(place.z));
+        let way = |s: &Surface| {
+            let way = place - s.point;
+            (way.normalize(), way.length())
+        };
+        Relit {
+            light: self.seen([f32::NAN; 3], |s| {
+                let (toward, distance) = way(s);
+                self.direct(s, toward, 1.0 / (distance * distance), distance)
+            }),
+            shadow: self.seen(f32::NAN, |s| {
+                let (toward, distance) = way(s);
+                let lit = s.normal.dot(toward) > 0.0 && self.clear(s, toward, distance);
                 f32::from(u8::from(lit))
             }),
         }

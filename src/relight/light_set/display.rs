@@ -6,7 +6,7 @@ const WHITE_QUANTILE: f64 = 0.99;
 /// What a small difference of light becomes in the sRGB picture, pixel by pixel and channel by
 /// channel, and how much noise there is.
 #[derive(Debug)]
-pub(super) struct Display {
+pub(in crate::relight) struct Display {
     /// Slope of the encoding at the picture's own light.
     slopes: Vec<[f32; 3]>,
     /// How many pixels each stands for, relative to the mean.

@@ -129,10 +129,10 @@ impl Sample {
             obscurance: &self.obscurance,
             ray_x,
             ray_y,
+            metres: &[],
         };
         let lamp = ShaderLamp {
-            toward: lamp.toward().to_array(),
-            color: lamp.color,
+            emitter: lamp.into(),
             indirect: [0.0; 3],
             shines: self.shines,
         };

@@ -1,7 +1,10 @@
 //! The one-bounce picture that SynthesisNet starts from.
 
 use super::{Channels, feed::BRIGHTEST};
-use crate::relight::shading::{ShaderLamp, SurfaceRow, shade_row};
+use crate::relight::{
+    Emitter, Origin,
+    shading::{ShaderLamp, SurfaceRow, shade_row},
+};
 use drivers::Intrinsics;
 use glam::DVec2;
 
@@ -22,8 +25,11 @@ pub(super) fn one_bounce(
 ) -> Channels {
     let size = surfaces.albedo.size;
     let lamp = ShaderLamp {
-        toward,
-        color: [1.0; 3],
+        emitter: Emitter {
+            origin: Origin::Distant(toward.into()),
+            facing: None,
+            color: [1.0; 3],
+        },
         indirect: [0.0; 3],
         shines: true,
     };
@@ -49,6 +55,7 @@ pub(super) fn one_bounce(
         obscurance: &nothing,
         ray_x: &ray_x,
         ray_y: &ray_y,
+        metres: &[],
     };
     let mut lit = vec![1.0; rays.len()];
     let mut light = vec![[0.0; 3]; rays.len()];

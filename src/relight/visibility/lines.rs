@@ -7,8 +7,9 @@
 //! Toward the vanishing point lines crowd. So every other line is asked only where lines lie more
 //! than half a pixel apart, and half of the rest only where they lie more than a quarter apart.
 
+use crate::relight::Origin;
 use drivers::Intrinsics;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 /// Lines walked side by side.
 pub const LANES: usize = 16;
@@ -129,20 +130,36 @@ impl Fan {
 pub struct Fans {
     /// Fans that contain at least one pixel.
     pub fans: Vec<Fan>,
-    /// Vanishing point of the light direction in pixels (x, y); far away for a light parallel to
-    /// the image.
+    /// Vanishing point of the light direction in pixels (x, y), or the image of a near lamp's place,
+    /// seen or not; far away for a light parallel to the image.
     pub vanishing_point: [f64; 2],
     /// Of two points on one ray of light, the one nearer to the lamp is seen further from the
-    /// vanishing point (true for every lamp on the camera's side of the scene).
+    /// vanishing point (true for every distant lamp on the camera's side of the scene, and for every
+    /// near one behind the lens).
     pub lamp_side_outward: bool,
+    /// Ways to the lamp can leave the frame inside the scene's range of depth.
+    pub leaves_frame: bool,
 }
 
 /// The least |z| of a direction: vanishing points stay within a million focal lengths.
 const LEAST_Z: f64 = 1e-6;
 
+/// The unit vector from the lens toward a lamp, and how far it is in metres (`None` = distant). Of a
+/// lamp inside the lens, which casts no shadow that is seen, any direction does.
+pub(super) fn axis(origin: Origin) -> (DVec3, Option<f64>) {
+    match origin {
+        Origin::Distant(toward) => (toward.as_dvec3(), None),
+        Origin::Near(position) => {
+            let metres = position.as_dvec3().length();
+            let toward = position.as_dvec3().normalize_or(Vec3::NEG_Z.as_dvec3());
+            (toward, Some(metres))
+        }
+    }
+}
+
 /// Lays the fans of a light over a pinhole camera's grid.
-pub fn fans(camera: &Intrinsics, toward: Vec3) -> Fans {
-    let toward = toward.as_dvec3();
+pub fn fans(camera: &Intrinsics, origin: Origin) -> Fans {
+    let (toward, metres) = axis(origin);
     let lamp_side_outward = toward.z < LEAST_Z;
     let z = if toward.z.abs() < LEAST_Z {
         -LEAST_Z
@@ -154,6 +171,8 @@ pub fn fans(camera: &Intrinsics, toward: Vec3) -> Fans {
         camera.cy + camera.fy * toward.y / z,
     ];
     let [vx, vy] = vanishing_point;
+    let (width, height) = (camera.width as f64, camera.height as f64);
+    let sees_lamp = (-0.5..width - 0.5).contains(&vx) && (-0.5..height - 0.5).contains(&vy);
     let mut fans = Vec::with_capacity(4);
     for along_x in [false, true] {
         let (major_size, minor_size, vanishing) = if along_x {
@@ -175,6 +194,7 @@ pub fn fans(camera: &Intrinsics, toward: Vec3) -> Fans {
         fans,
         vanishing_point,
         lamp_side_outward,
+        leaves_frame: lamp_side_outward || metres.is_some() && !sees_lamp,
     }
 }
 

@@ -11,6 +11,7 @@ use super::{
     occluders::Occluders,
     sweep::{LIT, sweep},
 };
+use crate::relight::Origin;
 use drivers::Plane;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -53,7 +54,7 @@ pub fn cell(toward: Vec3) -> Option<usize> {
 pub type Cells = [bool; DIRECTIONS];
 
 /// The whole factor that reduces a grid to at most so many pixels.
-fn factor((width, height): (usize, usize), pixels: usize) -> usize {
+pub(in crate::relight) fn factor((width, height): (usize, usize), pixels: usize) -> usize {
     let mut factor = 1;
     while width.div_ceil(factor) * height.div_ceil(factor) > pixels {
         factor += 1;
@@ -75,7 +76,8 @@ fn clear(occluders: &Occluders, cells: &Cells) -> Vec<Vec<u32>> {
             let mut words = vec![unasked; width * height];
             let mut row = vec![0u8; width];
             for azimuth in (0..AZIMUTHS).filter(|&azimuth| cells[azimuth]) {
-                let swept = sweep(occluders, direction(ring * AZIMUTHS + azimuth));
+                let toward = direction(ring * AZIMUTHS + azimuth);
+                let swept = sweep(occluders, Origin::Distant(toward));
                 let answers = Answers::new(&swept, width);
                 for (y, words) in words.chunks_mut(width.max(1)).enumerate() {
                     answers.part(y, 0, &mut row);

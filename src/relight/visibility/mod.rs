@@ -10,6 +10,14 @@
 //! of the intervals passed so far and compares each point against it: constant work per pixel,
 //! unlimited range.
 //!
+//! A near lamp at S = D·L turns rays into a pencil through S: two points of one line are on one ray of
+//! light exactly when the angles agree under which S sees them. In place of `v` stands minus the
+//! cotangent of the angle θ at S between the lens and the point, `(r·L − D/z) / |r × L|`, which grows
+//! with z as `v` does and, unlike a tangent, is one number for every ray, whether it goes toward
+//! the lens or away from it. Lines pass through the image of S; where S is in front of the lens the
+//! nearer of two points of a ray is seen nearer to that image, seen or not. As D grows `−D / cotangent`
+//! becomes `v`.
+//!
 //! Line sweeps: Timonen, "Line-Sweep Ambient Obscurance" (2013); horizons: Max (1988). New here:
 //! perspective cameras, and intervals of finite thickness instead of one horizon.
 

@@ -1,11 +1,12 @@
 //! One light, one pass: the union of blocked intervals carried along every line.
 
 use super::{
-    lines::{BAND, Fan, Fans, LANES, STRANDS, Strand, fans},
+    lines::{BAND, Fan, Fans, LANES, STRANDS, Strand, axis, fans},
     occluders::{Occluders, Slabs},
 };
+use crate::relight::Origin;
 use fearless_simd::{Level, Simd, dispatch, f32x16, i32x16, mask32x16, prelude::*, u32x4, u32x16};
-use glam::Vec3;
+use glam::DVec3;
 use rayon::prelude::*;
 
 /// Disjoint blocked intervals remembered per line; when more would be needed the one met first
@@ -25,6 +26,9 @@ pub(in crate::relight) const STEEPEST_TANGENT: f32 = 8.0;
 /// guess, at silhouettes, its sigma spans the gap to the surface behind.
 const MOST_NOISE: f32 = 0.01;
 
+/// Least |r × L| that is divided by: a ray so near to a lamp's image passes through the lamp.
+const LEAST_AXIS: f32 = 1e-9;
+
 /// Softness of the comparison in standard deviations of the difference of two depths.
 const SIGMAS: f32 = 1.5;
 
@@ -36,11 +40,11 @@ pub struct Swept {
     pub(super) answers: Vec<Vec<u8>>,
 }
 
-/// Sweeps all lines of the light in direction `toward` (unit, camera axes).
+/// Sweeps all lines of the light from `origin`.
 ///
-/// Cost is proportional to the number of pixels, whatever the direction.
-pub fn sweep(occluders: &Occluders, toward: Vec3) -> Swept {
-    let fans = fans(&occluders.camera, toward);
+/// Cost is proportional to the number of pixels, wherever the lamp stands.
+pub fn sweep(occluders: &Occluders, origin: Origin) -> Swept {
+    let fans = fans(&occluders.camera, origin);
     let answers = fans
         .fans
         .iter()
@@ -54,9 +58,12 @@ pub fn sweep(occluders: &Occluders, toward: Vec3) -> Swept {
                 .for_each(|(index, out)| {
                     for strand in STRANDS {
                         if index * BAND + strand.first < fan.lines {
-                            let outward = fans.lamp_side_outward;
-                            let walk = Walk::new(occluders, fan, outward, toward, index, strand);
-                            dispatch!(level, simd => walk.run(simd, out));
+                            let walk = Walk::new(occluders, &fans, fan, origin, index, strand);
+                            if walk.lamp_metres.is_some() {
+                                dispatch!(level, simd => walk.run::<_, true>(simd, out));
+                            } else {
+                                dispatch!(level, simd => walk.run::<_, false>(simd, out));
+                            }
                         }
                     }
                 });
@@ -82,6 +89,11 @@ struct Walk<'a> {
     /// |r × L| = `axis_start + m · axis_slope` along the line.
     axis_start: Lanes,
     axis_slope: Lanes,
+    /// r · L = `along_start + m · along_slope` along the line.
+    along_start: Lanes,
+    along_slope: Lanes,
+    /// From the lens to a near lamp; `None` = distant.
+    lamp_metres: Option<f32>,
     /// Value of v / |r × L| = z at the frame's edge under which an occluder outside the frame
     /// can be excluded.
     near_metres: f32,
@@ -92,13 +104,15 @@ struct Walk<'a> {
 impl<'a> Walk<'a> {
     fn new(
         occluders: &'a Occluders,
+        fans: &Fans,
         fan: &'a Fan,
-        lamp_side_outward: bool,
-        toward: Vec3,
+        origin: Origin,
         band: usize,
         strand: Strand,
     ) -> Self {
         let camera = &occluders.camera;
+        let (toward, lamp_metres) = axis(origin);
+        let lamp_side_outward = fans.lamp_side_outward;
         let slabs = if fan.along_x {
             &occluders.by_column
         } else {
@@ -119,33 +133,39 @@ impl<'a> Walk<'a> {
             slope: [0.0; LANES],
             axis_start: [0.0; LANES],
             axis_slope: [0.0; LANES],
+            along_start: [0.0; LANES],
+            along_slope: [0.0; LANES],
+            lamp_metres: lamp_metres.map(|metres| metres as f32),
             near_metres: occluders.near_metres,
-            leaves_frame: lamp_side_outward,
+            leaves_frame: fans.leaves_frame,
             edge: STEEPEST_TANGENT / (camera.fx.min(camera.fy) as f32),
         };
-        let distance_from_axis = |major: usize, minor: f64| {
+        let ray = |major: usize, minor: f64| {
             let (x, y) = if fan.along_x {
                 (major as f64, minor)
             } else {
                 (minor, major as f64)
             };
-            let ray = glam::DVec3::new(
+            DVec3::new(
                 (x - camera.cx) / camera.fx,
                 (y - camera.cy) / camera.fy,
                 1.0,
-            );
-            ray.cross(toward.as_dvec3()).length()
+            )
         };
+        let steps = (fan.to.max(fan.from + 1) - fan.from) as f64;
         for lane in 0..LANES {
             let (start, slope) = fan.line(band * BAND + strand.first + lane * strand.stride);
             walk.start[lane] = start;
             walk.slope[lane] = slope;
-            let at =
-                |m: usize| distance_from_axis(m, f64::from(start) + f64::from(slope) * m as f64);
-            let (first, last) = (at(fan.from), at(fan.to));
-            let axis_slope = (last - first) / (fan.to.max(fan.from + 1) - fan.from) as f64;
-            walk.axis_slope[lane] = axis_slope as f32;
-            walk.axis_start[lane] = (first - axis_slope * fan.from as f64) as f32;
+            let at = |m: usize| ray(m, f64::from(start) + f64::from(slope) * m as f64);
+            let line = |value: &dyn Fn(DVec3) -> f64| {
+                let (first, last) = (value(at(fan.from)), value(at(fan.to)));
+                let slope = (last - first) / steps;
+                ((first - slope * fan.from as f64) as f32, slope as f32)
+            };
+            (walk.axis_start[lane], walk.axis_slope[lane]) =
+                line(&|ray| ray.cross(toward).length());
+            (walk.along_start[lane], walk.along_slope[lane]) = line(&|ray| ray.dot(toward));
         }
         walk
     }
@@ -190,7 +210,7 @@ impl<'a> Walk<'a> {
     }
 
     #[inline(always)]
-    fn run<S: Simd>(&self, simd: S, out: &mut [u8]) {
+    fn run<S: Simd, const NEAR: bool>(&self, simd: S, out: &mut [u8]) {
         let (first, end) = self.inside();
         if first > end {
             return;
@@ -198,6 +218,9 @@ impl<'a> Walk<'a> {
         let axis_start = f32x16::load_array_ref(simd, &self.axis_start);
         let axis_slope = f32x16::load_array_ref(simd, &self.axis_slope);
         let half_step = axis_slope.abs() * 0.5;
+        let along_start = f32x16::load_array_ref(simd, &self.along_start);
+        let along_slope = f32x16::load_array_ref(simd, &self.along_slope);
+        let lamp_metres = f32x16::splat(simd, self.lamp_metres.unwrap_or(f32::INFINITY));
         let (zero, one, infinity) = (
             f32x16::splat(simd, 0.0),
             f32x16::splat(simd, 1.0),
@@ -217,8 +240,8 @@ impl<'a> Walk<'a> {
         let mut hi = [empty; SLOTS];
         let mut previous_v = zero;
         let mut previous_z = infinity;
-        // |r × L| where the line entered the frame: what lies further out was not seen.
-        let mut entry = zero;
+        // |r × L| and r · L where the line entered the frame: what lies further out was not seen.
+        let (mut entry, mut entry_along) = (zero, zero);
         let mut met = self.meet(simd, if self.downward { end } else { first });
         for step in 0..=end - first {
             let major = if self.downward {
@@ -257,14 +280,32 @@ impl<'a> Walk<'a> {
             let axis = axis_slope
                 .mul_add(f32x16::splat(simd, major as f32), axis_start)
                 .max(zero);
-            let v = axis * z;
-            entry = (inside & entry.simd_eq(0.0)).select(axis, entry);
+            let noise = sigma * (SIGMAS * std::f32::consts::SQRT_2);
+            let (v, back, softness, unseen);
+            if NEAR {
+                let per_axis = one / axis.max(LEAST_AXIS);
+                let along = along_slope.mul_add(f32x16::splat(simd, major as f32), along_start);
+                let angle = |q: f32x16<S>| (along - q * lamp_metres) * per_axis;
+                v = angle(q);
+                back = angle(one / (z + thickness));
+                let turn = along_slope - v * axis_slope;
+                let half_turn = turn.abs() * 0.5;
+                softness = (q * q * lamp_metres).mul_add(noise, half_turn) * per_axis;
+                let enters = inside & entry.simd_eq(0.0);
+                entry = enters.select(axis, entry);
+                entry_along = enters.select(along, entry_along);
+                // 1/z of the way to the lamp where it leaves the frame, times the lamp's distance.
+                let leaves = entry_along - v * entry;
+                unseen = leaves.simd_gt(0.0) & (leaves * unseen_under).simd_lt(lamp_metres);
+            } else {
+                v = axis * z;
+                back = axis * (z + thickness);
+                softness = axis.mul_add(noise, half_step * z);
+                entry = (inside & entry.simd_eq(0.0)).select(axis, entry);
+                unseen = v.simd_gt(entry * unseen_under);
+            }
 
             // Compare against what has been passed.
-            let softness = (axis * sigma).mul_add(
-                f32x16::splat(simd, SIGMAS * std::f32::consts::SQRT_2),
-                half_step * z,
-            );
             let per_softness = f32x16::splat(simd, 0.5) / softness.max(f32x16::splat(simd, 1e-12));
             let mut blocked = zero;
             for k in 0..SLOTS {
@@ -277,7 +318,6 @@ impl<'a> Walk<'a> {
             }
             let lit =
                 (one - blocked).mul_add(f32x16::splat(simd, LIT as f32), f32x16::splat(simd, 0.5));
-            let unseen = v.simd_gt(entry * unseen_under);
             let answer: i32x16<S> = unseen.select(lit + f32::from(UNSEEN), lit).to_int();
             let offset = (major - self.fan.from) * BAND;
             for (out, answer) in out[offset..offset + BAND][self.strand.first..]
@@ -291,7 +331,6 @@ impl<'a> Walk<'a> {
             // Add this sample's slab, reaching to its neighbour on the same surface.
             let reach = relative_sigma.mul_add(f32x16::splat(simd, 2.0), edge * 2.0) * z;
             let joined = (z - previous_z).abs().simd_lt(reach);
-            let back = axis * (z + thickness);
             let a = joined.select(v.min(previous_v), v);
             let b = joined.select(back.max(previous_v), back);
             let mut a = known.select(a, infinity);

@@ -1,6 +1,6 @@
 //! What a sweep is unsure of: how thick bodies are.
 
-use crate::relight::{Indirect, Lamp, Prepared, RelightOptions, Shadows};
+use crate::relight::{Emitter, Indirect, Prepared, RelightOptions, Shadows};
 use drivers::Plane;
 
 /// Bodies may be so many times thinner or thicker than guessed.
@@ -29,7 +29,7 @@ impl Doubt {
     }
 
     /// Visibility with bodies thinner than guessed, and thicker.
-    pub fn others(&self, lamp: &Lamp) -> [Plane<f32>; 2] {
+    pub fn others(&self, lamp: Emitter) -> [Plane<f32>; 2] {
         [self.thin.visibility(lamp), self.thick.visibility(lamp)]
     }
 }

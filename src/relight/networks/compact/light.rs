@@ -12,10 +12,11 @@ use super::{
     sight::median_depth,
 };
 use crate::{
-    relight::{Lamp, Prepared, RelightOptions, Relit},
+    relight::{Emitter, Origin, Prepared, RelightOptions, Relit},
     scene::Scene,
 };
 use drivers::Plane;
+use glam::{DVec2, Vec3};
 use rayon::prelude::*;
 
 /// Planes of [`Ground`], and of what the network is fed.
@@ -28,6 +29,8 @@ pub struct Ground {
     /// Normal (x right, y up, z toward the camera), sigma of depth, depth, share of the hemisphere
     /// that the scene blocks, whether a surface is known; 0 where nothing is.
     pub planes: Channels,
+    /// What each pixel sees, in camera axes and metres; not a number where nothing is known.
+    points: Vec<Vec3>,
 }
 
 impl Ground {
@@ -43,6 +46,13 @@ impl Ground {
         let blocked = Plane::new(width, height, blocked).expect("one per pixel");
         let blocked = resampled(&blocked, size);
         let middle = median_depth(&metres);
+        let camera = scene.camera.scaled_to(size.0, size.1);
+        let point = |index: usize| {
+            let pixel = DVec2::new((index % size.0) as f64, (index / size.0) as f64);
+            let ray = camera.ray(pixel).map_or(Vec3::NAN, |ray| ray.as_vec3());
+            metres.samples()[index] * ray
+        };
+        let points = (0..size.0 * size.1).into_par_iter().map(point).collect();
         let planes = Channels::from_pixels(size, |index| {
             let (z, normal) = (metres.samples()[index], normal.samples()[index]);
             let known = z.is_finite() && normal.is_finite();
@@ -59,7 +69,26 @@ impl Ground {
                 1.0,
             ]
         });
-        Self { planes }
+        Self { planes, points }
+    }
+
+    /// A near lamp's light falls off, but the network knows light as bright as a distant lamp's: the
+    /// median of what arrives, facing a lamp of color 1, at the known pixels.
+    fn level(&self, lamp: Emitter) -> f32 {
+        if matches!(lamp.origin, Origin::Distant(_)) {
+            return 1.0;
+        }
+        let known = self.planes.channel(GROUND_PLANES - 1).iter();
+        let known = known.zip(&self.points).filter(|(known, _)| **known > 0.0);
+        let mut light: Vec<f32> = known.map(|(_, point)| lamp.seen_from(*point).1).collect();
+        if light.is_empty() {
+            return 1.0;
+        }
+        let middle = light.len() / 2;
+        light
+            .select_nth_unstable_by(middle, f32::total_cmp)
+            .1
+            .max(1e-6)
     }
 }
 
@@ -95,26 +124,35 @@ impl Correction {
         &self.ground
     }
 
-    /// The closed form under a white lamp in the direction of `lamp`.
-    pub fn swept(&self, prepared: &Prepared, lamp: &Lamp) -> Swept {
-        let white = lamp.white();
+    /// The closed form under a white lamp that stands where `lamp` does: of color 1, or so bright where it is
+    /// near that half of what is known gets more than 1.
+    pub fn swept(&self, prepared: &Prepared, lamp: impl Into<Emitter>) -> Swept {
+        let lamp = lamp.into();
+        let white = Emitter {
+            color: [1.0 / self.ground.level(lamp); 3],
+            ..lamp
+        };
         Swept {
-            relit: prepared.relight(&white, RelightOptions::default()),
-            others: self.doubt.others(&white),
-            direct: prepared.relight(&white, UNSHADOWED).light.0,
+            relit: prepared.relight(white, RelightOptions::default()),
+            others: self.doubt.others(white),
+            direct: prepared.relight(white, UNSHADOWED).light.0,
         }
     }
 
     /// Seventeen planes on the network's grid, 0 where nothing is known: visibility as guessed, with
     /// thinner and thicker bodies, n·l, light of the lamp after shadows (3), the unit vector toward the
     /// lamp (3; x right, y up, z toward the camera), and those of [`Ground`].
-    pub fn given(&self, swept: &Swept, lamp: &Lamp) -> Channels {
+    pub fn given(&self, swept: &Swept, lamp: impl Into<Emitter>) -> Channels {
+        let lamp = lamp.into();
         let ground = &self.ground.planes;
         let size = ground.size;
         let seen = resampled(&swept.relit.shadow, size);
         let others = swept.others.each_ref().map(|plane| resampled(plane, size));
         let direct = resampled(&swept.direct, size);
-        let toward = lamp.person_direction();
+        let toward = |index: usize, axis: usize| {
+            let toward = lamp.seen_from(self.ground.points[index]).0;
+            finite([toward.x, -toward.y, -toward.z][axis])
+        };
         let pixels = size.0 * size.1;
         let mut samples = vec![0.0; LAMP_PLANES * pixels];
         samples
@@ -132,9 +170,10 @@ impl Correction {
                     0 => shares(seen, out),
                     1 | 2 => shares(others[plane - 1].samples(), out),
                     3 => {
-                        for (axis, toward) in toward.iter().enumerate() {
-                            for (out, normal) in out.iter_mut().zip(ground.channel(axis)) {
-                                *out += normal * toward;
+                        for axis in 0..3 {
+                            let normals = out.iter_mut().zip(ground.channel(axis)).enumerate();
+                            for (index, (out, normal)) in normals {
+                                *out += normal * toward(index, axis);
                             }
                         }
                     }
@@ -147,8 +186,8 @@ impl Correction {
                         }
                     }
                     7..10 => {
-                        for (out, known) in out.iter_mut().zip(known) {
-                            *out = known * toward[plane - 7];
+                        for (index, (out, known)) in out.iter_mut().zip(known).enumerate() {
+                            *out = known * toward(index, plane - 7);
                         }
                     }
                     _ => out.copy_from_slice(ground.channel(plane - 10)),
@@ -168,9 +207,12 @@ impl Correction {
     pub fn relight(
         &self,
         prepared: &Prepared,
-        lamp: &Lamp,
+        lamp: impl Into<Emitter>,
         network: &dyn Network,
     ) -> Result<Relit, NetworkError> {
+        let lamp = lamp.into();
+        let level = self.ground.level(lamp);
+        let color = lamp.color.map(|color| color * level);
         let swept = self.swept(prepared, lamp);
         let given = self.given(&swept, lamp);
         let wanted = [("weight", 1), ("shadow", 1), ("bounced", 3)];
@@ -199,7 +241,7 @@ impl Correction {
             *light = std::array::from_fn(|c| {
                 let more = step * direct[c] + albedo[c][index] * finite(bounced[c]);
                 let sum = light[c] + more;
-                lamp.color[c] * if sum < 0.0 { 0.0 } else { sum }
+                color[c] * if sum < 0.0 { 0.0 } else { sum }
             });
         });
         Ok(relit)
