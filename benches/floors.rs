@@ -213,7 +213,7 @@ fn stages(size: (usize, usize), threads: usize, paces: &Paces, runtime: Option<&
     let compact = load_compact(&settings).expect("the networks of the program");
     line(
         "surfaces corrected by a network",
-        Floor::Operations(1.66e9 * network_share(working)),
+        Floor::Operations(1.77e9 * network_share(working)),
         &mut || {
             developed
                 .refine(&shot, compact.surfaces.as_ref(), options.prepare)

@@ -23,7 +23,7 @@ fn scene(world: &World) -> Scene {
     let (width, height) = truth.depth_metres.size();
     Scene {
         camera: world.rig().color,
-        depth_sigma_metres: Plane::filled(width, height, 0.0005),
+        depth_sigma_metres: Plane::filled(width, height, 1e-5),
         thickness_metres: Plane::filled(width, height, 0.12),
         normal: truth.normal,
         albedo: truth.albedo,

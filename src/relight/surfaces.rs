@@ -109,10 +109,10 @@ fn shaded_roughness(scene: &Scene, index: usize) -> f32 {
         return 1.0;
     }
     let sigma = scene.depth_sigma_metres.samples()[index] / scene.depth_metres.samples()[index];
-    let doubt = (2.0 * (sigma / SURE).ln_1p()).min(1.0);
-    if doubt.is_nan() || doubt <= 0.0 {
+    if sigma.is_nan() || sigma <= 0.0 {
         return roughness;
     }
+    let doubt = (2.0 * (sigma / SURE).ln_1p()).min(1.0);
     // α = roughness², and α²/2 is the variance of slopes.
     let slope = DOUBTFUL_SLOPE * doubt;
     (roughness.powi(4) + 2.0 * slope * slope)
