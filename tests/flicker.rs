@@ -1,5 +1,7 @@
 //! Whether a light that moves in small steps makes the picture flicker: against a world whose truth is known.
 
+#![expect(clippy::print_stdout, reason = "the table is the point")]
+
 use captured::{
     config::Capture,
     darkroom::{self, Answering, Asked, Moment, Order, Reel, Source},

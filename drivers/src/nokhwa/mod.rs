@@ -23,6 +23,7 @@ use ::nokhwa::{
     },
 };
 use glam::DVec3;
+use options::NAMES;
 pub use options::Options;
 use picture::pixels;
 use std::{

@@ -19,7 +19,7 @@ pub struct Options {
 }
 
 /// Formats by their names in an address.
-const NAMES: [(&str, FrameFormat); 4] = [
+pub(super) const NAMES: [(&str, FrameFormat); 4] = [
     ("YUYV", FrameFormat::YUYV),
     ("NV12", FrameFormat::NV12),
     ("RGB", FrameFormat::RAWRGB),
