@@ -269,6 +269,7 @@ pub(super) fn develop_one(daemon: &Daemon, networks: &mut Networks, commit: Comm
         done,
         asked_at,
         taken,
+        _committing: committing,
         ..
     } = commit;
     match kept {
@@ -280,6 +281,8 @@ pub(super) fn develop_one(daemon: &Daemon, networks: &mut Networks, commit: Comm
             // Nobody may be listening.
             let _ = daemon.events.send(Event::Committed { id: id.clone() });
             tracing::info!(id, "committed");
+            // Whoever hears that the shot is done finds the device idle.
+            drop(committing);
             drop(done.send(Ok(ShotReply {
                 id,
                 device: taken.info.address,
@@ -288,7 +291,10 @@ pub(super) fn develop_one(daemon: &Daemon, networks: &mut Networks, commit: Comm
                 shot: kept.manifest,
             })));
         }
-        Err(fault) => daemon.failed(done, fault),
+        Err(fault) => {
+            drop(committing);
+            daemon.failed(done, fault);
+        }
     }
 }
 
