@@ -242,7 +242,7 @@ fn leave_out(scene: &mut Scene, mask: &Plane<bool>) {
         let row = mask.row(y * mask.height() / height);
         for (x, albedo) in scene.albedo.row_mut(y).iter_mut().enumerate() {
             if !row[x * mask.width() / width] {
-                *albedo = <[f32; 3]>::unknown();
+                *albedo = <[f32; 3]>::UNKNOWN;
             }
         }
     }

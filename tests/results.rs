@@ -152,10 +152,12 @@ proptest! {
         width in 1_usize..70, height in 1_usize..70, seed in any::<u32>(),
     ) {
         let mut state = seed | 1;
-        let plane = Plane::from_fn(width, height, |_, _| std::array::from_fn::<f32, 3, _>(|_| {
+        let mut next = || {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
             f32::from_bits(state)
-        }));
+        };
+        let samples = (0..width * height).map(|_| std::array::from_fn::<f32, 3, _>(|_| next()));
+        let plane = Plane::new(width, height, samples.collect()).unwrap();
         let bytes = output::exr::rgb(&plane, Precision::Float).unwrap();
         let Samples::RgbF32(back) = decode(&bytes, (width, height)).samples else { panic!("not RGB") };
         let pairs = plane.samples().as_flattened().iter().zip(back.samples().as_flattened());

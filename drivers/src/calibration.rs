@@ -69,6 +69,30 @@ impl Distortion {
         )
     }
 
+    /// Change of [`Self::distort`] with x and with y.
+    fn slopes(&self, DVec2 { x, y }: DVec2) -> [DVec2; 2] {
+        let [k1, k2, p1, p2, k3, k4, k5, k6] = self.coefficients();
+        let r2 = x * x + y * y;
+        let above = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
+        let below = 1.0 + r2 * (k4 + r2 * (k5 + r2 * k6));
+        let radial = above / below;
+        // Of the radial factor, with r².
+        let growth = (k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3)
+            - radial * (k4 + r2 * (2.0 * k5 + r2 * 3.0 * k6)))
+            / below;
+        let across = 2.0 * (x * y * growth + p1 * x + p2 * y);
+        [
+            DVec2::new(
+                radial + 2.0 * x * x * growth + 2.0 * p1 * y + 6.0 * p2 * x,
+                across,
+            ),
+            DVec2::new(
+                across,
+                radial + 2.0 * y * y * growth + 6.0 * p1 * y + 2.0 * p2 * x,
+            ),
+        ]
+    }
+
     /// Inverse of [`Self::distort`] by Newton's method; `None` where the model has no inverse
     /// (outside the lens's useful circle).
     pub fn undistort(&self, bent: DVec2) -> Option<DVec2> {
@@ -81,13 +105,7 @@ impl Distortion {
             if error.length_squared() < 1e-20 {
                 return Some(ideal);
             }
-            const STEP: f64 = 1e-6;
-            let dx = (self.distort(ideal + DVec2::X * STEP)
-                - self.distort(ideal - DVec2::X * STEP))
-                / (2.0 * STEP);
-            let dy = (self.distort(ideal + DVec2::Y * STEP)
-                - self.distort(ideal - DVec2::Y * STEP))
-                / (2.0 * STEP);
+            let [dx, dy] = self.slopes(ideal);
             let determinant = dx.x * dy.y - dy.x * dx.y;
             // A fold of the model: beyond it two rays share one pixel.
             if determinant <= 1e-9 {

@@ -1,5 +1,6 @@
 //! A rectangle of samples in row order, and nothing else.
 
+use rayon::prelude::*;
 use thiserror::Error;
 
 /// The data handed to [`Plane::new`] does not fill the rectangle.
@@ -46,19 +47,6 @@ impl<T> Plane<T> {
             height,
             samples,
         })
-    }
-
-    /// Asks `sample(x, y)` for every pixel.
-    pub fn from_fn(width: usize, height: usize, mut sample: impl FnMut(usize, usize) -> T) -> Self {
-        let mut samples = Vec::with_capacity(width * height);
-        for y in 0..height {
-            samples.extend((0..width).map(|x| sample(x, y)));
-        }
-        Self {
-            width,
-            height,
-            samples,
-        }
     }
 
     /// Pixels per row.
@@ -125,13 +113,49 @@ impl<T> Plane<T> {
             None
         }
     }
+}
 
-    /// A plane of the same shape with every sample passed through `change`.
-    pub fn map<U>(&self, change: impl FnMut(&T) -> U) -> Plane<U> {
+/// Samples that are worth another thread.
+const SHARE: usize = 16_384;
+
+impl<T: Sync> Plane<T> {
+    /// A plane of the same shape with every sample passed through `change`, a large one on all threads.
+    pub fn map<U: Send>(&self, change: impl Fn(&T) -> U + Send + Sync) -> Plane<U> {
+        let samples = if self.len() <= SHARE {
+            self.samples.iter().map(change).collect()
+        } else {
+            let samples = self.samples.par_iter().with_min_len(SHARE / 2);
+            samples.map(change).collect()
+        };
         Plane {
             width: self.width,
             height: self.height,
-            samples: self.samples.iter().map(change).collect(),
+            samples,
+        }
+    }
+}
+
+impl<T: Send> Plane<T> {
+    /// Asks `sample(x, y)` for every pixel, of a large plane on all threads.
+    pub fn from_fn(
+        width: usize,
+        height: usize,
+        sample: impl Fn(usize, usize) -> T + Send + Sync,
+    ) -> Self {
+        let mut samples = Vec::with_capacity(width * height);
+        let sample = &sample;
+        let row = |y| (0..width).map(move |x| sample(x, y));
+        if width * height <= SHARE {
+            samples.extend((0..height).flat_map(row));
+        } else {
+            let rows = (0..height).into_par_iter();
+            let rows = rows.with_min_len(1 + SHARE / 2 / width);
+            samples.par_extend(rows.flat_map_iter(row));
+        }
+        Self {
+            width,
+            height,
+            samples,
         }
     }
 }

@@ -119,7 +119,7 @@ fn where_answered<T: Mix>(found: &Plane<T>, answered: &Plane<bool>) -> Plane<T> 
     let samples = plane.samples_mut().iter_mut();
     for (sample, answered) in samples.zip(answered.samples()) {
         if !answered {
-            *sample = T::unknown();
+            *sample = T::UNKNOWN;
         }
     }
     plane

@@ -33,31 +33,27 @@ fn mean<T: Mix>(plane: &Plane<T>, factor: usize) -> Plane<T> {
         (plane.width() / factor).max(1),
         (plane.height() / factor).max(1),
     );
-    let samples = (0..width * height)
-        .into_par_iter()
-        .map_init(Vec::new, |known, index| {
-            let (left, top) = (index % width * factor, index / width * factor);
-            known.clear();
-            for y in top..(top + factor).min(plane.height()) {
-                let row = plane.row(y);
-                let end = (left + factor).min(row.len());
-                known.extend(
-                    row[left..end]
-                        .iter()
-                        .filter(|s| s.is_known())
-                        .map(|s| (1.0, *s)),
-                );
+    let mut samples = vec![T::UNKNOWN; width * height];
+    let lines = samples.par_chunks_mut(width).enumerate();
+    lines.for_each(|(j, out)| {
+        let rows = j * factor..((j + 1) * factor).min(plane.height());
+        for (i, out) in out.iter_mut().enumerate() {
+            let columns = i * factor..((i + 1) * factor).min(plane.width());
+            let (mut sum, mut known) = (T::NOTHING, 0);
+            for y in rows.clone() {
+                for sample in &plane.row(y)[columns.clone()] {
+                    if sample.is_known() {
+                        sum = sum.plus(1.0, *sample);
+                        known += 1;
+                    }
+                }
             }
-            let share = 1.0 / known.len() as f32;
-            known.iter_mut().for_each(|(weight, _)| *weight = share);
             // More than half unknown: a mean of the rest would be of something else.
-            if 2 * known.len() < factor * factor {
-                T::unknown()
-            } else {
-                T::mix(known)
+            if 2 * known >= factor * factor {
+                *out = sum.over(known as f32);
             }
-        })
-        .collect();
+        }
+    });
     Plane::new(width, height, samples).expect("one sample per pixel")
 }
 

@@ -30,7 +30,10 @@ impl Sample for Vec3 {
 
 /// The plane on a grid of another size over the same picture, bilinear between pixel centres;
 /// itself when it lies there already, empty when it has no pixel.
-pub(super) fn stretched<T: Sample>(plane: &Plane<T>, size: (usize, usize)) -> Cow<'_, Plane<T>>
+pub(super) fn stretched<T: Sample + Send + Sync>(
+    plane: &Plane<T>,
+    size: (usize, usize),
+) -> Cow<'_, Plane<T>>
 where
     Plane<T>: Clone,
 {

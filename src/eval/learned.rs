@@ -136,7 +136,7 @@ impl NetworkStudy<'_> {
         let known = self.feed.mask.channel(0);
         for (sample, known) in plane.samples_mut().iter_mut().zip(known) {
             if *known == 0.0 {
-                *sample = T::unknown();
+                *sample = T::UNKNOWN;
             }
         }
         plane

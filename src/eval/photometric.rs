@@ -49,12 +49,11 @@ impl MatteFit {
         }
         let outside = near(&counts.map(|counts| !counts), BORDER);
         let (width, height) = size;
-        let mut ratios = Vec::with_capacity(photographs.len());
         let reflectance = Plane::from_fn(width, height, |x, y| {
             if outside[(x, y)] {
                 return f32::NAN;
             }
-            ratios.clear();
+            let mut ratios = Vec::with_capacity(photographs.len());
             for (direction, brightness) in photographs {
                 let cosine = normal[(x, y)].dot(*direction);
                 let ratio = brightness[(x, y)] / cosine;

@@ -55,7 +55,7 @@ fn float_frame(
     width: usize,
     height: usize,
     light: Illumination,
-    value: impl Fn(usize, usize) -> f32,
+    value: impl Fn(usize, usize) -> f32 + Send + Sync,
 ) -> ColorFrame {
     let plane = Plane::from_fn(width, height, |x, y| [value(x, y); 3]);
     frame(Pixels::RgbF32(plane), light)
@@ -132,7 +132,7 @@ proptest! {
 fn the_stated_variance_is_the_scatter_seen() {
     // Shot and read noise of known size on a smooth picture, 16 bits, gain-independent units.
     let (read, shot) = (4e-6f32, 2e-4f32);
-    let noisy = |seed: u32, clean: &dyn Fn(usize) -> f32| {
+    let noisy = |seed: u32, clean: &(dyn Fn(usize) -> f32 + Sync)| {
         let plane = Plane::from_fn(240, 160, |x, y| {
             std::array::from_fn(|c| {
                 let light = clean(x);
@@ -178,16 +178,17 @@ fn a_sensors_data_sheet_gives_its_noise() {
 }
 
 /// Flash and room light the texture from different sides, with different strength.
-fn lit_pair(shift: impl Fn(f64, f64) -> [f64; 2]) -> (LinearImage, LinearImage) {
+fn lit_pair(shift: impl Fn(f64, f64) -> [f64; 2] + Sync) -> (LinearImage, LinearImage) {
     let (width, height) = (320usize, 240usize);
-    let picture =
-        |seed: u32, light: &dyn Fn(f64, f64) -> f64, at: &dyn Fn(f64, f64) -> [f64; 2]| {
-            LinearImage(Plane::from_fn(width, height, |x, y| {
-                let [sx, sy] = at(x as f64, y as f64);
-                let value = albedo(sx, sy) * light(sx, sy) as f32;
-                std::array::from_fn(|c| value + 0.002 * normal(x * 3 + c, y, seed))
-            }))
-        };
+    let picture = |seed: u32,
+                   light: &(dyn Fn(f64, f64) -> f64 + Sync),
+                   at: &(dyn Fn(f64, f64) -> [f64; 2] + Sync)| {
+        LinearImage(Plane::from_fn(width, height, |x, y| {
+            let [sx, sy] = at(x as f64, y as f64);
+            let value = albedo(sx, sy) * light(sx, sy) as f32;
+            std::array::from_fn(|c| value + 0.002 * normal(x * 3 + c, y, seed))
+        }))
+    };
     // The flash falls off from the centre; the room's light comes from the right.
     let both = |x: f64, y: f64| {
         0.15 + 0.6 * (-((x - 160.0).powi(2) + (y - 120.0).powi(2)) / 30_000.0).exp()

@@ -14,57 +14,60 @@ use rayon::prelude::*;
 
 /// A sample that can be mixed with others.
 pub trait Mix: Copy + Send + Sync {
+    /// Adds nothing to a sum.
+    const NOTHING: Self;
+    /// Stands for "unknown".
+    const UNKNOWN: Self;
     /// True when it takes part in mixing.
     fn is_known(&self) -> bool;
-    /// `Σ weight · sample`; the weights sum to one.
-    fn mix(samples: &[(f32, Self)]) -> Self;
-    /// The sample that stands for "unknown".
-    fn unknown() -> Self;
+    /// `self + weight · sample`.
+    #[must_use]
+    fn plus(self, weight: f32, sample: Self) -> Self;
+    /// The mean, of a sum over weights that add up to `weight`, which is positive.
+    #[must_use]
+    fn over(self, weight: f32) -> Self;
 }
 
 impl Mix for f32 {
+    const NOTHING: Self = 0.0;
+    const UNKNOWN: Self = f32::NAN;
     fn is_known(&self) -> bool {
         !self.is_nan()
     }
-    fn mix(samples: &[(f32, Self)]) -> Self {
-        samples.iter().map(|(weight, sample)| weight * sample).sum()
+    fn plus(self, weight: f32, sample: Self) -> Self {
+        weight * sample + self
     }
-    fn unknown() -> Self {
-        Self::NAN
+    fn over(self, weight: f32) -> Self {
+        self / weight
     }
 }
 
 impl Mix for [f32; 3] {
+    const NOTHING: Self = [0.0; 3];
+    const UNKNOWN: Self = [f32::NAN; 3];
     fn is_known(&self) -> bool {
         !self[0].is_nan()
     }
-    fn mix(samples: &[(f32, Self)]) -> Self {
-        std::array::from_fn(|c| {
-            samples
-                .iter()
-                .map(|(weight, sample)| weight * sample[c])
-                .sum()
-        })
+    fn plus(self, weight: f32, sample: Self) -> Self {
+        std::array::from_fn(|c| weight * sample[c] + self[c])
     }
-    fn unknown() -> Self {
-        [f32::NAN; 3]
+    fn over(self, weight: f32) -> Self {
+        self.map(|sum| sum / weight)
     }
 }
 
 impl Mix for Vec3 {
+    const NOTHING: Self = Vec3::ZERO;
+    const UNKNOWN: Self = Vec3::NAN;
     fn is_known(&self) -> bool {
         !self.x.is_nan()
     }
-    /// Directions: the mean is brought back to unit length.
-    fn mix(samples: &[(f32, Self)]) -> Self {
-        samples
-            .iter()
-            .map(|(weight, sample)| *weight * *sample)
-            .sum::<Self>()
-            .normalize_or_zero()
+    fn plus(self, weight: f32, sample: Self) -> Self {
+        weight * sample + self
     }
-    fn unknown() -> Self {
-        Self::NAN
+    /// Directions: the mean is brought back to unit length.
+    fn over(self, _weight: f32) -> Self {
+        self.normalize_or_zero()
     }
 }
 
@@ -91,22 +94,18 @@ fn at<T: Mix>(
         ((1.0 - fx) * fy, plane[(x0, y1)]),
         (fx * fy, plane[(x1, y1)]),
     ];
-    let mut known = [(0.0, T::unknown()); 4];
-    let mut count = 0;
-    let mut total = 0.0;
-    for corner in corners.into_iter().filter(|(_, sample)| sample.is_known()) {
-        known[count] = corner;
-        total += corner.0;
-        count += 1;
+    let (mut sum, mut total) = (T::NOTHING, 0.0);
+    for (weight, sample) in corners {
+        if sample.is_known() {
+            sum = sum.plus(weight, sample);
+            total += weight;
+        }
     }
     // The nearest corner decides whether there is an answer at all.
     if total < 0.5 {
-        return T::unknown();
+        return T::UNKNOWN;
     }
-    for corner in &mut known[..count] {
-        corner.0 /= total;
-    }
-    T::mix(&known[..count])
+    sum.over(total)
 }
 
 /// A plane on a larger grid of the same picture; unknown stays unknown.
@@ -115,7 +114,7 @@ fn at<T: Mix>(
 /// When `plane` is empty: a bug of the caller.
 pub fn enlarge<T: Mix>(plane: &Plane<T>, width: usize, height: usize) -> Plane<T> {
     let (columns, rows) = (places(plane.width(), width), places(plane.height(), height));
-    let mut samples = vec![T::unknown(); width * height];
+    let mut samples = vec![T::UNKNOWN; width * height];
     samples
         .par_chunks_mut(width.max(1))
         .zip(rows.par_iter())
@@ -286,7 +285,7 @@ mod tests {
         let side = |x: usize| if x < 22 { 0.1 } else { 0.8 };
         let relit_side = |x: usize| if x < 22 { 0.2 } else { 0.4 };
         let full = LinearImage(Plane::from_fn(64, 8, |x, _| [side(x); 3]));
-        let means = |of: &dyn Fn(usize) -> f32| {
+        let means = |of: &(dyn Fn(usize) -> f32 + Sync)| {
             Plane::from_fn(16, 2, |x, _| {
                 [(4 * x..4 * x + 4).map(of).sum::<f32>() / 4.0; 3]
             })

@@ -22,9 +22,8 @@ pub(crate) fn connected(
             }
         }
     }
-    Plane::from_fn(width, height, |x, y| {
-        root(&mut parents, (y * width + x) as u32)
-    })
+    let names = (0..(width * height) as u32).map(|pixel| root(&mut parents, pixel));
+    Plane::new(width, height, names.collect()).expect("one name per pixel")
 }
 
 /// Representative of `i`'s set; halves the path on the way.

@@ -85,27 +85,47 @@ pub(super) struct Point {
 /// Darkest albedo told apart from none.
 const BLACK: f32 = 1e-3;
 
-impl Evidence {
-    /// `tilt` is the standard deviation of the pixel's normal, radians.
-    fn add(&mut self, Reflection { value, cosine, .. }: Reflection, tilt: f32) {
+/// What one pixel says of its piece.
+#[derive(Debug, Clone, Copy)]
+struct Glimpse {
+    ring: usize,
+    chord: f32,
+    log: f32,
+    log_color: [f32; 3],
+    tilt: f32,
+}
+
+impl Glimpse {
+    /// `tilt` is the standard deviation of the pixel's normal, radians; `None` of a pixel that says nothing.
+    fn of(Reflection { value, cosine, .. }: Reflection, tilt: f32) -> Option<Self> {
         // NaN fails every comparison.
         if !(cosine > 0.2 && value[0] + value[1] + value[2] > 0.0) {
-            return;
+            return None;
         }
         let plain = value.map(|v| (v / cosine).max(BLACK));
-        let log = ((plain[0] + plain[1] + plain[2]) / 3.0).ln();
         let chord = (2.0 * (1.0 - cosine)).max(0.0).sqrt();
-        let ring = ((chord / WIDEST).powf(0.6) * RINGS as f32) as usize;
-        for (sum, value) in self.log_color.iter_mut().zip(plain) {
-            *sum += value.ln();
+        Some(Self {
+            ring: ((chord / WIDEST).powf(0.6) * RINGS as f32) as usize,
+            chord,
+            log: ((plain[0] + plain[1] + plain[2]) / 3.0).ln(),
+            log_color: plain.map(f32::ln),
+            tilt: tilt.clamp(0.0, 1.0),
+        })
+    }
+}
+
+impl Evidence {
+    fn add(&mut self, glimpse: &Glimpse) {
+        for (sum, log) in self.log_color.iter_mut().zip(glimpse.log_color) {
+            *sum += log;
         }
         self.pixels += 1.0;
-        self.tilt += tilt.clamp(0.0, 1.0);
-        if let Some(ring) = self.rings.get_mut(ring) {
+        self.tilt += glimpse.tilt;
+        if let Some(ring) = self.rings.get_mut(glimpse.ring) {
             ring.count += 1.0;
-            ring.chord += chord;
-            ring.log += log;
-            ring.square += log * log;
+            ring.chord += glimpse.chord;
+            ring.log += glimpse.log;
+            ring.square += glimpse.log * glimpse.log;
         }
     }
 
@@ -169,6 +189,9 @@ impl Evidence {
 
     /// Logarithm of how well each candidate explains the profile, on top of one albedo.
     pub(super) fn log_likelihood(&self) -> [f32; CANDIDATES] {
+        if self.pixels < FEWEST {
+            return [0.0; CANDIDATES];
+        }
         let misfit = self.misfits();
         let best = misfit.iter().copied().fold(f32::INFINITY, f32::min);
         // A profile that no candidate fits is weak evidence for any of them.
@@ -325,6 +348,9 @@ pub(super) fn roughness(
     })
 }
 
+/// Pixels that are looked at together.
+const GLIMPSES: usize = 65_536;
+
 /// What every piece of surface shows.
 pub(super) fn evidence(
     reflections: &Plane<Reflection>,
@@ -332,10 +358,18 @@ pub(super) fn evidence(
     regions: &Regions,
 ) -> Vec<Evidence> {
     let mut evidence = vec![Evidence::default(); regions.count];
-    let pixels = reflections.samples().iter().zip(normal_sigma.samples());
-    for ((reflection, tilt), region) in pixels.zip(regions.of.samples()) {
-        if let Some(region) = region {
-            evidence[*region as usize].add(*reflection, *tilt);
+    let reflections = reflections.samples().chunks(GLIMPSES);
+    let pixels = reflections.zip(normal_sigma.samples().chunks(GLIMPSES));
+    let mut glimpses = Vec::with_capacity(GLIMPSES);
+    for ((reflections, tilts), regions) in pixels.zip(regions.of.samples().chunks(GLIMPSES)) {
+        // Logarithms take longest; sums stay in the order of the pixels, and the same every time.
+        let pixels = reflections.par_iter().zip(tilts).with_min_len(4096);
+        let seen = pixels.map(|(reflection, tilt)| Glimpse::of(*reflection, *tilt));
+        seen.collect_into_vec(&mut glimpses);
+        for (glimpse, region) in glimpses.iter().zip(regions) {
+            if let (Some(glimpse), Some(region)) = (glimpse, region) {
+                evidence[*region as usize].add(glimpse);
+            }
         }
     }
     evidence
@@ -368,7 +402,7 @@ mod tests {
                 variance: 1e-6,
                 cosine,
             };
-            evidence.add(seen, 0.0);
+            evidence.add(&Glimpse::of(seen, 0.0).unwrap());
         }
         evidence
     }

@@ -164,12 +164,16 @@ impl World {
     }
 
     /// Asks `answer` about what each pixel of the color camera sees; `nothing` where it sees nothing.
-    fn seen<T: Clone>(&self, nothing: T, answer: impl Fn(&Surface) -> T) -> Plane<T> {
+    fn seen<T: Copy + Send + Sync>(
+        &self,
+        nothing: T,
+        answer: impl Fn(&Surface) -> T + Send + Sync,
+    ) -> Plane<T> {
         let lens = &self.rig.color;
         Plane::from_fn(lens.width, lens.height, |x, y| {
             lens.ray(DVec2::new(x as f64, y as f64))
                 .and_then(|ray| self.surface(DVec3::ZERO, ray))
-                .map_or(nothing.clone(), |surface| answer(&surface))
+                .map_or(nothing, |surface| answer(&surface))
         })
     }
 

@@ -48,27 +48,26 @@ pub fn resampled<T: Mix>(plane: &Plane<T>, (width, height): (usize, usize)) -> P
     }
     let (columns, rows) = (spans(plane.width(), width), spans(plane.height(), height));
     let area = (plane.width() * plane.height()) as f32 / (width * height) as f32;
-    let samples = (0..width * height)
-        .into_par_iter()
-        .map_init(Vec::new, |known, index| {
-            known.clear();
-            let mut total = 0.0;
-            for &(y, tall) in &rows[index / width] {
-                for &(x, wide) in &columns[index % width] {
-                    let sample = plane[(x, y)];
+    let mut samples = vec![T::UNKNOWN; width * height];
+    let lines = samples.par_chunks_mut(width).zip(&rows);
+    lines.for_each(|(out, spanned)| {
+        for (out, across) in out.iter_mut().zip(&columns) {
+            let (mut sum, mut total) = (T::NOTHING, 0.0);
+            for &(y, tall) in spanned {
+                let row = plane.row(y);
+                for &(x, wide) in across {
+                    let sample = row[x];
                     if sample.is_known() {
-                        known.push((tall * wide, sample));
+                        sum = sum.plus(tall * wide, sample);
                         total += tall * wide;
                     }
                 }
             }
-            if total < 0.5 * area {
-                return T::unknown();
+            if total >= 0.5 * area {
+                *out = sum.over(total);
             }
-            known.iter_mut().for_each(|(weight, _)| *weight /= total);
-            T::mix(known)
-        })
-        .collect();
+        }
+    });
     Plane::new(width, height, samples).expect("one sample per pixel")
 }
 
@@ -90,7 +89,10 @@ fn spans(large: usize, small: usize) -> Vec<Vec<(usize, f32)>> {
 }
 
 /// The sample under the middle of each pixel: for depth, whose mean over an edge is no surface.
-pub(super) fn nearest<T: Copy>(plane: &Plane<T>, (width, height): (usize, usize)) -> Plane<T> {
+pub(super) fn nearest<T: Copy + Send + Sync>(
+    plane: &Plane<T>,
+    (width, height): (usize, usize),
+) -> Plane<T> {
     let at = |index: usize, small: usize, large: usize| {
         ((2 * index + 1) * large / (2 * small)).min(large - 1)
     };

@@ -97,7 +97,7 @@ impl Ground {
 pub struct Swept {
     /// As [`Prepared::relight`] gives it.
     pub relit: Relit,
-    /// Visibility with bodies thinner than guessed, and thicker.
+    /// Visibility with bodies thinner than guessed, and thicker, on a grid of at least the network's size.
     pub others: [Plane<f32>; 2],
     /// Light straight from the lamp as if nothing stood in its way.
     pub direct: Plane<[f32; 3]>,
