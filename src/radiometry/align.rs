@@ -58,14 +58,6 @@ const FINEST_ROUNDS: usize = 2;
 /// they were.
 const SETTLED: f32 = 0.25;
 
-/// Finds the motion between two frames of one size.
-///
-/// Serves shifts up to about a twelfth of the shorter side, and the small rotations, zooms and
-/// tilts of a hand. A moving thing that fills less than half of the textured picture is outvoted.
-pub fn align(flash: &LinearImage, ambient: &LinearImage) -> Alignment {
-    Anchor::of(flash).align(ambient)
-}
-
 /// What frames are aligned on.
 pub(super) struct Anchor {
     size: (usize, usize),
@@ -84,7 +76,10 @@ impl Anchor {
         Self { size, pyramid }
     }
 
-    /// As [`align`] of the frame it is of.
+    /// Finds the motion from the frame it is of to one of the same size.
+    ///
+    /// Serves shifts up to about a twelfth of the shorter side, and the small rotations, zooms and
+    /// tilts of a hand. A moving thing that fills less than half of the textured picture is outvoted.
     pub fn align(&self, ambient: &LinearImage) -> Alignment {
         let (width, height) = self.size;
         let still = |outcome, patches, residual_pixels| Alignment {

@@ -5,7 +5,7 @@
 
 use super::{
     LinearImage, RadiometryError, SubtractOptions,
-    align::align,
+    align::Anchor,
     decode::linearise,
     subtract::Scatter,
     warp::{Resampled, resample_row},
@@ -149,6 +149,7 @@ fn mean(frames: &[&ColorFrame], target: &LinearImage) -> Result<ColorFrame, Radi
     let (width, height) = target.0.size();
     let first = frames[0];
     let options = SubtractOptions::default();
+    let anchor = Anchor::of(target);
     let mut reference = Plane::filled(width, height, [f32::NAN; 3]);
     let mut sums = Plane::filled(width, height, [0.0f32; 3]);
     let mut counts = Plane::filled(width, height, 0.0f32);
@@ -165,7 +166,7 @@ fn mean(frames: &[&ColorFrame], target: &LinearImage) -> Result<ColorFrame, Radi
                 found_height,
             });
         }
-        let warp = align(target, &light).warp;
+        let warp = anchor.align(&light).warp;
         if scatter.is_none() {
             scatter = Some(Scatter::of(frame, &light, &options)?);
         }

@@ -23,7 +23,7 @@ pub mod transfer;
 pub mod warp;
 mod window;
 
-pub use align::{Alignment, AlignmentOutcome, align};
+pub use align::{Alignment, AlignmentOutcome};
 pub use decode::linearise;
 pub use difference::{Tally, subtract_linear_into};
 pub use noise::{NoiseModel, Sensor};

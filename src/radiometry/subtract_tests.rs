@@ -1,5 +1,6 @@
 //! Claims about the subtraction as a whole: light made here, taken apart again.
 
+use super::align::Anchor;
 use super::*;
 use drivers::{ColorFrame, Exposure, Illumination, Pixels, Plane, Timestamp, Transfer};
 use proptest::prelude::*;
@@ -205,7 +206,7 @@ fn lit_pair(shift: impl Fn(f64, f64) -> [f64; 2] + Sync) -> (LinearImage, Linear
 fn a_shifted_pair_is_found_within_a_tenth_of_a_pixel_under_other_light() {
     for [dx, dy] in [[0.5, -0.3], [1.37, 2.61], [-4.2, 0.75], [11.3, -7.8]] {
         let (flash, room) = lit_pair(|_, _| [dx, dy]);
-        let found = align(&flash, &room);
+        let found = Anchor::of(&flash).align(&room);
         assert_eq!(found.outcome, AlignmentOutcome::Aligned, "{dx}, {dy}");
         for [x, y] in [
             [0.0, 0.0],
@@ -239,7 +240,7 @@ fn a_rolled_and_zoomed_pair_is_found_in_its_corners() {
         ]
     };
     let (flash, room) = lit_pair(back);
-    let found = align(&flash, &room);
+    let found = Anchor::of(&flash).align(&room);
     for [x, y] in [
         [10.0, 10.0],
         [309.0, 10.0],
@@ -256,7 +257,7 @@ fn a_rolled_and_zoomed_pair_is_found_in_its_corners() {
 #[test]
 fn a_pair_that_lies_right_is_not_moved() {
     let (flash, room) = lit_pair(|_, _| [0.0, 0.0]);
-    let found = align(&flash, &room);
+    let found = Anchor::of(&flash).align(&room);
     assert_eq!(found.outcome, AlignmentOutcome::AlreadyAligned);
     assert!(found.warp.is_identity());
 }
@@ -268,7 +269,7 @@ fn a_bare_wall_is_left_alone_and_said_so() {
             std::array::from_fn(|c| light + 0.002 * normal(x * 3 + c, y, seed))
         }))
     };
-    let found = align(&wall(1, 0.5), &wall(2, 0.2));
+    let found = Anchor::of(&wall(1, 0.5)).align(&wall(2, 0.2));
     assert_eq!(found.outcome, AlignmentOutcome::TooLittleTexture);
     assert!(found.warp.is_identity());
 }

@@ -318,7 +318,8 @@ pub(super) fn roughness(
         let (answer, _) = expected(&all);
         return regions.of.map(|of| of.map_or(f32::NAN, |_| answer));
     }
-    let mut lenders: Vec<usize> = (0..evidence.len()).collect();
+    let tells = |i: &usize| evidence[*i].pixels >= FEWEST;
+    let mut lenders: Vec<usize> = (0..evidence.len()).filter(tells).collect();
     lenders.sort_by(|&a, &b| evidence[b].pixels.total_cmp(&evidence[a].pixels));
     lenders.truncate(LENDERS);
     let lent: Vec<_> = lenders
