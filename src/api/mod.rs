@@ -25,6 +25,10 @@ pub struct ShotRequest {
     /// Address of the device that takes it; `None` = the first that the daemon owns.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub device: Option<String>,
+    /// Make the shot of so many color frames, from 2 to `limits.burst` of the configuration: less noise,
+    /// more time. `None` = of one bracket.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub burst: Option<u32>,
     /// Develop the shot and show it under `lights` and `environment`; false keeps the raw frames alone.
     pub relight: bool,
     /// Lights to show it under, in the order of the numbered results.
@@ -41,6 +45,21 @@ pub struct ShotRequest {
     /// `tier` is `auto`; `None` = as long as it takes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub budget_ms: Option<f64>,
+}
+
+impl ShotRequest {
+    /// Checks the number of frames asked for.
+    ///
+    /// # Errors
+    /// In words, for fewer than two frames and for more than `most`.
+    pub fn check_burst(&self, most: u32) -> Result<(), String> {
+        match self.burst {
+            Some(frames) if !(2..=most).contains(&frames) => Err(format!(
+                "burst is {frames}; it must be from 2 to {most} (limits.burst of the configuration)"
+            )),
+            _ => Ok(()),
+        }
+    }
 }
 
 /// What answers for surfaces, shadows and light.

@@ -13,7 +13,10 @@ use crate::{
     session::{self, Kept},
 };
 use clap::Args;
-use std::{path::PathBuf, time::Duration};
+use std::{
+    path::PathBuf,
+    time::{Duration, Instant},
+};
 
 /// The light of `--relight` when none is given: above, to the right, in front.
 const USUAL_LIGHT: Light = Light::from_direction([0.6, 0.5, 0.62]);
@@ -32,7 +35,7 @@ pub struct Shoot {
     #[arg(long, value_name = "ADDRESS")]
     device: Option<String>,
     /// Make the shot of so many color frames: less noise, more time. Flash and ambient frames are shared
-    /// out so that the noise is least. In this process only.
+    /// out so that the noise is least. At most limits.burst of the configuration.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=64))]
     burst: Option<u32>,
     /// Folder for the shot; must not exist yet, or be empty.
@@ -57,6 +60,7 @@ impl Shoot {
         } = self.tier.asked()?;
         let mut request = ShotRequest {
             device: self.device.clone(),
+            burst: self.burst,
             relight: self.relight,
             lights: self.lights.read()?,
             environment: self.lights.read_environment()?,
@@ -75,6 +79,9 @@ impl Shoot {
                 "--tier or --budget is given without --relight; add --relight".to_owned(),
             ));
         }
+        request
+            .check_burst(config.limits.burst)
+            .map_err(|problem| CommandError::Arguments(format!("--{problem}")))?;
         if self.relight && dark {
             request.lights.push(USUAL_LIGHT);
         }
@@ -87,9 +94,13 @@ impl Shoot {
         let Told {
             by,
             device,
-            note,
+            mut note,
             kept,
         } = told;
+        let burst = kept.manifest.report["burst"].clone();
+        if let Ok(burst) = serde_json::from_value::<BurstReport>(burst) {
+            note.push_str(&in_words(&burst));
+        }
         let text = format!("{}: shot of {device}, taken {note}", self.out.display());
         let json = serde_json::json!({
             "by": by,
@@ -126,12 +137,6 @@ impl Shoot {
         config: &Config,
         request: &ShotRequest,
     ) -> Result<Told, CommandError> {
-        if self.burst.is_some() {
-            return Err(CommandError::Arguments(format!(
-                "--burst is for this process, but the daemon at {} owns the device; leave it out, or stop the daemon",
-                client.socket().display()
-            )));
-        }
         if !self.tier.backend.is_empty() {
             return Err(CommandError::Arguments(format!(
                 "--models, --runtime and --threads are for this process, but the daemon at {} takes the shot; set them under [inference] in its configuration",
@@ -195,11 +200,13 @@ impl Shoot {
         let address = self.device.as_deref().unwrap_or(configured);
         let mut device = session::open(address, config.rig_of(address))?;
         let progress = Progress::of_unknown("taking the shot");
-        let taken = match self.burst {
-            None => session::take(device.as_mut(), &config.capture)?,
-            Some(frames) => session::take_burst(device.as_mut(), &config.capture, frames)?,
-        };
-        let burst = taken.burst.as_ref().map_or(String::new(), in_words);
+        let taken = session::take_watched(
+            device.as_mut(),
+            &config.capture,
+            self.burst,
+            &Instant::now,
+            &mut |_| {},
+        )?;
         let lights = self.relight.then_some(&lights);
         let to = Destination {
             disk: &Disk,
@@ -209,11 +216,10 @@ impl Shoot {
         let kept = session::keep(&taken, lights, &answering, &to, &mut |stage| {
             progress.doing(stage);
         })?;
-        let note = format!("in this process; no daemon with this device was found{burst}");
         Ok(Told {
             by: "process",
             device: taken.info.address,
-            note,
+            note: "in this process; no daemon with this device was found".to_owned(),
             kept,
         })
     }

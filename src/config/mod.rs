@@ -126,7 +126,7 @@ impl Config {
             viewer,
             inference,
         } = self;
-        let rules: [(bool, &'static str, String, &'static str); 17] = [
+        let rules: [(bool, &'static str, String, &'static str); 18] = [
             (
                 (1..=8).contains(&devices.len())
                     && !devices.iter().any(String::is_empty)
@@ -202,6 +202,12 @@ impl Config {
                 "limits.lights",
                 limits.lights.to_string(),
                 "from 1 to 4096",
+            ),
+            (
+                (2..=64).contains(&limits.burst),
+                "limits.burst",
+                limits.burst.to_string(),
+                "from 2 to 64",
             ),
             (
                 (1..=1024).contains(&limits.connections),
@@ -402,6 +408,7 @@ mod tests {
             Case("[limits]\nqueue = 0", "limits.queue"),
             Case("[limits]\nrequest_bytes = -1", "request_bytes"),
             Case("[limits]\nlights = 1000000", "limits.lights"),
+            Case("[limits]\nburst = 65", "limits.burst"),
             Case("[inference]\nthreads = 0", "inference.threads"),
             Case("[shots]\nquota_bytes = 5", "shots.quota_bytes"),
             Case("[shots]\nkeep_newest = 0", "shots.keep_newest"),

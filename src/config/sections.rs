@@ -31,6 +31,8 @@ pub struct Limits {
     pub queue: usize,
     /// Lights in one request; in 1..=4096.
     pub lights: usize,
+    /// Color frames of one burst; in 2..=64.
+    pub burst: u32,
     /// Connections open at once; one more waits. In 1..=1024.
     pub connections: usize,
 }
@@ -78,6 +80,7 @@ impl Default for Limits {
             request_seconds: 120.0,
             queue: 4,
             lights: 64,
+            burst: 32,
             connections: 128,
         }
     }
@@ -99,9 +102,15 @@ impl Capture {
         Duration::from_secs_f64(self.patience_seconds)
     }
 
-    /// Longest wait for one shot.
+    /// Longest wait for one shot of one bracket.
     pub fn deadline(&self) -> Duration {
         Duration::from_secs_f64(self.deadline_seconds)
+    }
+
+    /// Longest wait for one shot, of a burst of so many color frames: a bracket to measure the noise by,
+    /// and as long again for every eight frames.
+    pub fn deadline_of(&self, burst: Option<u32>) -> Duration {
+        self.deadline() * (1 + burst.map_or(0, |frames| frames.div_ceil(8)))
     }
 }
 

@@ -212,12 +212,12 @@ impl Handle {
         turn.map_err(|_| busy())
     }
 
-    /// Takes a shot; whoever asks has its turn.
+    /// Takes a shot, of a burst of so many frames where one is given; whoever asks has its turn.
     ///
     /// # Errors
     /// [`Fault`] of kind daemon when the device's thread has not come back from earlier shots, else what
     /// the device said.
-    pub async fn shoot(&self, config: &Config) -> Result<Taken, Fault> {
+    pub async fn shoot(&self, config: &Config, burst: Option<u32>) -> Result<Taken, Fault> {
         let _claim = self.previews.claim();
         let (reply, answer) = oneshot::channel();
         let fault = |kind, message: String, remedy: &str| Fault {
@@ -230,12 +230,12 @@ impl Handle {
             fault(FaultKind::Daemon, message, "restart the daemon")
         };
         self.jobs
-            .try_send(Job { reply })
+            .try_send(Job { burst, reply })
             .map_err(|refused| match refused {
                 TrySendError::Full(_) => busy(),
                 TrySendError::Disconnected(_) => ended(),
             })?;
-        let most = config.capture.deadline() + GRACE;
+        let most = config.capture.deadline_of(burst) + GRACE;
         let asked = self.clock.now();
         match tokio::time::timeout(most, answer).await {
             Ok(answer) => answer.map_err(|_| ended())?,

@@ -87,11 +87,12 @@ pub(super) async fn begin(
             "tier: given, but relight is false; set relight to true",
         ));
     }
+    request.check_burst(config.limits.burst).map_err(refused)?;
     let environment = request.environment.as_ref();
     let (lights, relight) = (&request.lights, request.relight);
     let answers = (request.tier, request.variant, request.budget_ms);
     let wanted = wanted(&config, lights, environment, relight, answers).await?;
-    let address = request.device.clone();
+    let (address, burst) = (request.device.clone(), request.burst);
     daemon.devices.find(address.as_deref())?;
     let reserve = || {
         daemon
@@ -120,7 +121,7 @@ pub(super) async fn begin(
             }
             tracing::info!(device = %handle.address, by = %caller, "shot");
             step.send_replace("taking the shot".to_owned());
-            let taken = handle.shoot(&config).await?;
+            let taken = handle.shoot(&config, burst).await?;
             let committing = daemon.devices.committing(handle);
             let place = daemon.place().await?;
             drop(turn);

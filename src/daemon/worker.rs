@@ -32,6 +32,8 @@ const PREVIEW_PERIOD: Duration = Duration::from_millis(40);
 
 /// A shot that is asked for.
 pub(super) struct Job {
+    /// Of how many color frames; `None` = of one bracket.
+    pub burst: Option<u32>,
     /// Hears of the shot, or why there is none.
     pub reply: oneshot::Sender<Result<Taken, Fault>>,
 }
@@ -177,7 +179,7 @@ impl Worker {
             self.say(phase, true);
         };
         let taken = catch_unwind(AssertUnwindSafe(|| {
-            session::take_watched(device, &capture, &now, &mut alive)
+            session::take_watched(device, &capture, job.burst, &now, &mut alive)
         }));
         let Ok(taken) = taken else {
             drop(job.reply.send(Err(away(self.failed()))));

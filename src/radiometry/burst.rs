@@ -13,7 +13,7 @@ use super::{
 use crate::shot::{Burst, Shot};
 use drivers::{ColorFrame, DepthFrame, Pixels, Plane, Transfer};
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Standard deviations from the frame in the middle beyond which something moved.
 const MOVED: f32 = 4.0;
@@ -29,7 +29,7 @@ const LONGEST_RUN: u32 = 4;
 const SAMPLES: usize = 20_000;
 
 /// What a burst was, for `shot.json`.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct BurstReport {
     /// Color frames asked for.
     pub frames: u32,

@@ -5,7 +5,6 @@ mod calibrated;
 mod keep;
 mod take;
 
-pub use burst::take_burst;
 pub use calibrated::open;
 pub use keep::{Kept, keep};
 pub use take::{Taken, take, take_watched};

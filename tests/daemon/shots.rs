@@ -50,6 +50,70 @@ fn a_shot_through_the_socket_is_the_shot_taken_in_process() {
 }
 
 #[test]
+fn a_burst_through_the_socket_is_the_burst_taken_in_process() {
+    let mut daemon = Daemon::start("synthetic:desk?width=64&depth_width=32&noise=4");
+    let device = "synthetic:desk?width=64&depth_width=32&noise=4";
+    let shoot = |daemon: &Daemon, out: &str| {
+        let arguments = [
+            "--json", "shoot", "--device", device, "--burst", "12", "--out", out,
+        ];
+        let (code, text, err) = daemon.capturectl(&arguments);
+        assert_eq!(code, Some(0), "{err}");
+        assert!(err.contains("frames with flash"), "not told: {err}");
+        serde_json::from_str::<serde_json::Value>(&text).unwrap()
+    };
+    let through = shoot(&daemon, "through");
+    assert_eq!(through["by"], "daemon");
+    let burst = &through["shot"]["report"]["burst"];
+    let used = [0, 1].map(|light| burst["used"][light].as_u64().unwrap());
+    assert!((12..=15).contains(&(used[0] + used[1])), "{burst}");
+    // Kept by the daemon, and good to be looked at like any other.
+    let (_, list) = daemon.send("GET", "/v1/shots", "");
+    let id = list["shots"][0]["id"].as_str().unwrap();
+    let view = "{\"lights\": [{\"direction\": [0, 0, 1]}], \"layer\": \"relit\"}";
+    let asked = Daemon::request("POST", &format!("/v1/shots/{id}/view"), view);
+    assert_eq!(daemon.ask(asked.as_bytes()).0, 200);
+    // More than the owner of the machine allows is refused before anything is lit, by either.
+    let (code, _, err) = daemon.capturectl(&["shoot", "--burst", "33", "--out", "more"]);
+    assert_eq!(code, Some(2));
+    assert!(err.contains("limits.burst"), "{err}");
+
+    daemon.end_by("TERM");
+    let within = shoot(&daemon, "within");
+    assert_eq!(within["by"], "process");
+    assert_eq!(&within["shot"]["report"]["burst"], burst);
+    let read = |out: &str| std::fs::read(daemon.folder.path().join(out).join("shot.mcap"));
+    assert!(read("through").unwrap() == read("within").unwrap());
+}
+
+#[test]
+fn a_camera_lost_in_the_middle_of_a_burst_fails_it_and_the_next_shot_is_whole() {
+    // Its first bracket takes six frames of color and depth.
+    let device = "flaky:unplug=20:synthetic:desk?width=64&depth_width=32";
+    let daemon = Daemon::start(device);
+    let (status, answer) = daemon.send("POST", "/v1/shots", "{\"burst\": 24}");
+    assert_eq!(
+        (status, &answer["kind"]),
+        (502, &"device".into()),
+        "{answer}"
+    );
+    assert!(
+        answer["message"].as_str().unwrap().contains("unplugged"),
+        "{answer}"
+    );
+    let (_, list) = daemon.send("GET", "/v1/shots", "");
+    assert_eq!(list["count"], 0, "half a burst was kept");
+    // It is opened again at once, but not in no time.
+    let began = std::time::Instant::now();
+    while daemon.send("GET", "/v1/status", "").1["devices"][0]["phase"] != "idle" {
+        assert!(began.elapsed() < crate::PATIENCE, "it does not come back");
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    let (status, answer) = daemon.send("POST", "/v1/shots", "{}");
+    assert_eq!(status, 200, "{answer}");
+}
+
+#[test]
 fn an_environment_lights_the_same_through_the_socket_as_in_process() {
     let mut daemon = Daemon::start("synthetic:desk");
     let map = image::Rgb32FImage::from_fn(128, 64, |x, y| {
