@@ -156,6 +156,19 @@ impl Intrinsics {
             .map(|ideal| ideal.extend(1.0))
     }
 
+    /// A pinhole of a focal length in pixels, whose axis meets the middle of the picture.
+    pub fn pinhole((width, height): (usize, usize), focal: f64) -> Self {
+        Self {
+            width,
+            height,
+            fx: focal,
+            fy: focal,
+            cx: (width as f64 - 1.0) / 2.0,
+            cy: (height as f64 - 1.0) / 2.0,
+            distortion: Distortion::None {},
+        }
+    }
+
     /// `(width, height)`.
     pub fn size(&self) -> (usize, usize) {
         (self.width, self.height)
@@ -264,4 +277,26 @@ pub struct Rig {
     pub depth: Option<DepthCamera>,
     /// The flash.
     pub flash: FlashLamp,
+}
+
+impl Rig {
+    /// What is taken for a rig that nobody measured: every camera a pinhole 60° wide at one place, with the
+    /// flash at the lens, of unknown intensity. Sizes are `(width, height)`.
+    pub fn assumed(color: (usize, usize), depth: Option<(usize, usize)>) -> Self {
+        let lens = |size: (usize, usize)| {
+            Intrinsics::pinhole(size, size.0 as f64 / 2.0 / 30f64.to_radians().tan())
+        };
+        Self {
+            color: lens(color),
+            depth: depth.map(|size| DepthCamera {
+                lens: lens(size),
+                to_color: RigidTransform::IDENTITY,
+            }),
+            flash: FlashLamp {
+                position_metres: DVec3::ZERO,
+                intensity: None,
+                beam: Beam::default(),
+            },
+        }
+    }
 }

@@ -1,6 +1,6 @@
 //! A control of the camera as its lamp: a UVC camera's light, or any control that changes the light.
 
-use super::{Plan, during, guard::Darkness, latency, longest};
+use super::{Plan, during, guard::Darkness, latency, lit_by_switch, reach_of_switch};
 use crate::{
     device::DriverError,
     lamp::{Lamp, Lit, Moment, Reach},
@@ -84,23 +84,12 @@ impl ControlLamp {
 
 impl Lamp for ControlLamp {
     fn reach(&self) -> Reach {
-        Reach {
-            longest: longest(&self.plan),
-            bounded_by_kernel: false,
-            latency: latency(&self.plan),
-        }
+        reach_of_switch(&self.plan)
     }
 
     fn fire(&mut self, flash: Duration) -> Result<Lit, DriverError> {
-        let fired = during(latency(&self.plan), || self.set(self.plan.on));
-        let (from, ()) = fired.inspect_err(|_| drop(self.set(self.plan.off)))?;
-        Ok(Lit {
-            from,
-            until: Moment {
-                earliest: from.earliest.after(flash),
-                latest: from.latest.after(flash).after(latency(&self.plan)),
-            },
-        })
+        let (on, off) = (|| self.set(self.plan.on), || self.set(self.plan.off));
+        lit_by_switch(&self.plan, flash, on, off)
     }
 
     fn put_out(&mut self) -> Result<Moment, DriverError> {

@@ -1,6 +1,6 @@
 //! A lamp on a line of a GPIO character device.
 
-use super::{Plan, during, guard::Darkness, latency, longest};
+use super::{Plan, during, guard::Darkness, latency, lit_by_switch, reach_of_switch};
 use crate::{
     device::DriverError,
     lamp::{Lamp, Lit, Moment, Reach},
@@ -70,23 +70,12 @@ impl Gpio {
 
 impl Lamp for Gpio {
     fn reach(&self) -> Reach {
-        Reach {
-            longest: longest(&self.plan),
-            bounded_by_kernel: false,
-            latency: latency(&self.plan),
-        }
+        reach_of_switch(&self.plan)
     }
 
     fn fire(&mut self, flash: Duration) -> Result<Lit, DriverError> {
-        let fired = during(latency(&self.plan), || self.set(Value::Active));
-        let (from, ()) = fired.inspect_err(|_| drop(self.set(Value::Inactive)))?;
-        Ok(Lit {
-            from,
-            until: Moment {
-                earliest: from.earliest.after(flash),
-                latest: from.latest.after(flash).after(latency(&self.plan)),
-            },
-        })
+        let (on, off) = (|| self.set(Value::Active), || self.set(Value::Inactive));
+        lit_by_switch(&self.plan, flash, on, off)
     }
 
     fn put_out(&mut self) -> Result<Moment, DriverError> {

@@ -20,7 +20,7 @@ pub use plan::{Kind, Mode, Plan};
 use crate::{
     device::DriverError,
     frame::Timestamp,
-    lamp::{Lamp, Moment},
+    lamp::{Lamp, Lit, Moment, Reach},
 };
 use std::{path::Path, time::Duration};
 
@@ -68,4 +68,31 @@ fn longest(plan: &Plan) -> Duration {
 /// See [`Plan::latency_seconds`].
 fn latency(plan: &Plan) -> Duration {
     Duration::from_secs_f64(plan.latency_seconds.max(0.0))
+}
+
+/// What reaches a lamp that is a switch: nothing but this program ends its light.
+fn reach_of_switch(plan: &Plan) -> Reach {
+    Reach {
+        longest: longest(plan),
+        bounded_by_kernel: false,
+        latency: latency(plan),
+    }
+}
+
+/// Lights a switch by `on`, for whoever puts it out after `flash`; by `off` at once where that failed.
+fn lit_by_switch(
+    plan: &Plan,
+    flash: Duration,
+    on: impl FnOnce() -> Result<(), DriverError>,
+    off: impl FnOnce() -> Result<(), DriverError>,
+) -> Result<Lit, DriverError> {
+    // The first error is the one to tell.
+    let (from, ()) = during(latency(plan), on).inspect_err(|_| drop(off()))?;
+    Ok(Lit {
+        from,
+        until: Moment {
+            earliest: from.earliest.after(flash),
+            latest: from.latest.after(flash).after(latency(plan)),
+        },
+    })
 }

@@ -11,7 +11,7 @@ mod picture;
 
 use crate::{
     admission,
-    calibration::{Beam, Distortion, FlashLamp, Intrinsics, Rig},
+    calibration::Rig,
     device::{Device, DeviceInfo, DriverError, Losses, Settings, Stream},
     frame::{ColorFrame, Exposure, Frame, Illumination, Timestamp, Transfer},
     witness::Witness,
@@ -22,7 +22,6 @@ use ::nokhwa::{
         ApiBackend, CameraFormat, CameraIndex, FrameFormat, RequestedFormat, RequestedFormatType,
     },
 };
-use glam::DVec3;
 use options::NAMES;
 pub use options::Options;
 use picture::pixels;
@@ -55,8 +54,6 @@ const LONGEST_FLASH: Duration = Duration::from_millis(500);
 const OLDEST: Duration = Duration::from_secs(1);
 /// Frames in a row that are not what was granted, after which that is told.
 const MOST_BROKEN: u32 = 8;
-/// Half the angle of view across that is assumed of a webcam, as a tangent: 66° in all.
-const HALF_VIEW: f64 = 0.65;
 
 /// The webcams of this computer.
 pub fn list() -> Vec<DeviceInfo> {
@@ -106,25 +103,7 @@ impl Device for Webcam {
     }
 
     fn rig(&self) -> Rig {
-        let (width, height) = self.size;
-        let focal = width as f64 / (2.0 * HALF_VIEW);
-        Rig {
-            color: Intrinsics {
-                width,
-                height,
-                fx: focal,
-                fy: focal,
-                cx: (width as f64 - 1.0) / 2.0,
-                cy: (height as f64 - 1.0) / 2.0,
-                distortion: Distortion::None {},
-            },
-            depth: None,
-            flash: FlashLamp {
-                position_metres: DVec3::ZERO,
-                intensity: None,
-                beam: Beam::default(),
-            },
-        }
+        Rig::assumed(self.size, None)
     }
 
     fn presence(&mut self) -> Result<(), DriverError> {

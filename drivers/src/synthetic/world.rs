@@ -78,21 +78,8 @@ pub struct World {
 impl World {
     /// The world that a synthetic device with these options photographs.
     pub fn new(options: &Options) -> Self {
-        let pinhole = |width: usize, height: usize, focal: f64, distortion| Intrinsics {
-            width,
-            height,
-            fx: focal,
-            fy: focal,
-            cx: (width as f64 - 1.0) / 2.0,
-            cy: (height as f64 - 1.0) / 2.0,
-            distortion,
-        };
-        let color = pinhole(
-            options.width,
-            options.height,
-            options.width as f64,
-            Distortion::None {},
-        );
+        let size = (options.width, options.height);
+        let color = Intrinsics::pinhole(size, options.width as f64);
         // A wider lens than the color camera's, bent like a small ToF module's.
         let bent = Distortion::BrownConrady {
             k1: -0.12,
@@ -103,7 +90,10 @@ impl World {
         };
         let (width, height) = (options.depth_width, options.depth_width * 3 / 4);
         let depth = DepthCamera {
-            lens: pinhole(width, height, 0.8 * width as f64, bent),
+            lens: Intrinsics {
+                distortion: bent,
+                ..Intrinsics::pinhole((width, height), 0.8 * width as f64)
+            },
             to_color: RigidTransform {
                 rotation: DMat3::from_rotation_y(-0.015) * DMat3::from_rotation_x(0.008),
                 translation_metres: DVec3::new(0.03, -0.004, 0.002),

@@ -2,10 +2,9 @@
 
 use crate::{
     admission,
-    calibration::{Beam, DepthCamera, Distortion, FlashLamp, Intrinsics, Rig, RigidTransform},
+    calibration::{DepthCamera, Intrinsics, Rig},
     rig_file::{Declared, RigToml},
 };
-use glam::DVec3;
 
 /// Reads a rig file.
 pub(super) fn parse(text: &str) -> Result<Declared, String> {
@@ -18,26 +17,14 @@ pub(super) fn parse(text: &str) -> Result<Declared, String> {
 
 /// The rig of cameras that deliver pictures of these sizes.
 ///
-/// A lens measured at another size of the same shape is scaled; without a rig file every camera is a
-/// pinhole 60° wide at one place, with the flash at the lens.
+/// A lens measured at another size of the same shape is scaled; without a rig file it is [`Rig::assumed`].
 pub(super) fn rig(
     known: Option<&Rig>,
     color: (usize, usize),
     depth: Option<(usize, usize)>,
 ) -> Result<Rig, String> {
     let Some(known) = known else {
-        return Ok(Rig {
-            color: pinhole(color),
-            depth: depth.map(|size| DepthCamera {
-                lens: pinhole(size),
-                to_color: RigidTransform::IDENTITY,
-            }),
-            flash: FlashLamp {
-                position_metres: DVec3::ZERO,
-                intensity: None,
-                beam: Beam::default(),
-            },
-        });
+        return Ok(Rig::assumed(color, depth));
     };
     let fit = |camera: &str, lens: &Intrinsics, (width, height): (usize, usize)| {
         // A crop has another shape or another field of view; only the first can be told here.
@@ -65,19 +52,6 @@ pub(super) fn rig(
         },
         flash: known.flash,
     })
-}
-
-fn pinhole((width, height): (usize, usize)) -> Intrinsics {
-    let focal = width as f64 / 2.0 / 30f64.to_radians().tan();
-    Intrinsics {
-        width,
-        height,
-        fx: focal,
-        fy: focal,
-        cx: (width as f64 - 1.0) / 2.0,
-        cy: (height as f64 - 1.0) / 2.0,
-        distortion: Distortion::None {},
-    }
 }
 
 #[cfg(test)]
