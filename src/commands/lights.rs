@@ -1,6 +1,9 @@
 //! Lights from the command line: `--light`, `--lights FILE`, `--environment MAP`.
 
-use super::error::{CommandError, InputError};
+use super::{
+    error::{CommandError, InputError},
+    small_file,
+};
 use crate::{
     api::{EnvironmentLight, Light, LightError},
     folder::{self, Samples, decode_limited},
@@ -9,14 +12,7 @@ use crate::{
 use clap::Args;
 use drivers::Plane;
 use serde::Deserialize;
-use std::{
-    fs::File,
-    io::Read,
-    path::{Path, PathBuf},
-};
-
-/// Largest file of lights, bytes.
-const LARGEST_FILE: u64 = 1 << 20;
+use std::path::{Path, PathBuf};
 
 /// Lights to show a shot under.
 #[derive(Debug, Clone, Default, Args)]
@@ -199,15 +195,7 @@ fn read_file(path: &Path) -> Result<Vec<Light>, CommandError> {
         problem,
         remedy: "write [[light]] tables with direction = [x, y, z] or position = [x, y, z] and, if wanted, intensity = [r, g, b]",
     };
-    let unread = |error: std::io::Error| refused(format!("cannot be read: {error}"));
-    let mut text = String::new();
-    let file = File::open(path).map_err(unread)?;
-    file.take(LARGEST_FILE + 1)
-        .read_to_string(&mut text)
-        .map_err(unread)?;
-    if text.len() as u64 > LARGEST_FILE {
-        return Err(refused(format!("larger than {LARGEST_FILE} bytes")).into());
-    }
+    let text = small_file::read(path).map_err(refused)?;
     let file: LightsFile =
         toml::from_str(&text).map_err(|error| refused(error.to_string().trim_end().to_owned()))?;
     let white = Light::from_direction([0.0, 0.0, 1.0]).intensity;

@@ -31,6 +31,7 @@ mod record;
 mod relight;
 mod runtime;
 mod shoot;
+mod small_file;
 mod spoiling;
 mod sync_report;
 

@@ -1,12 +1,9 @@
 //! How a light moves: around the camera's axis, across, with the environment, or from key to key.
 
-use crate::api::Light;
+use crate::{api::Light, commands::small_file};
 use glam::Vec3;
 use serde::Deserialize;
-use std::{f32::consts::TAU, fs::File, io::Read, path::Path, str::FromStr};
-
-/// Largest file of keys, bytes.
-const LARGEST_FILE: u64 = 1 << 20;
+use std::{f32::consts::TAU, path::Path, str::FromStr};
 
 /// A light's way through a film.
 #[derive(Debug, Clone, PartialEq)]
@@ -83,15 +80,7 @@ impl FromStr for LightPath {
 
 fn read(path: &Path) -> Result<LightPath, String> {
     let said = |problem: String| format!("{}: {problem}", path.display());
-    let unread = |error: std::io::Error| said(format!("cannot be read: {error}"));
-    let mut text = String::new();
-    let file = File::open(path).map_err(unread)?;
-    file.take(LARGEST_FILE + 1)
-        .read_to_string(&mut text)
-        .map_err(unread)?;
-    if text.len() as u64 > LARGEST_FILE {
-        return Err(said(format!("larger than {LARGEST_FILE} bytes")));
-    }
+    let text = small_file::read(path).map_err(said)?;
     parse(&text).map_err(said)
 }
 
