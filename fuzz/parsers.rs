@@ -14,7 +14,7 @@ use captured::{
 };
 use drivers::{
     ColorFrame, Device, DriverError, Exposure, Frame, Illumination, Pixels, Settings, Timestamp,
-    Transfer, depthai, flaky::Faults, replay::Replay, synthetic,
+    Transfer, depthai, flaky::Faults, replay::Replay, synthetic, v4l,
 };
 use serde::de::DeserializeOwned;
 use std::{path::Path, time::Duration};
@@ -23,8 +23,9 @@ use std::{path::Path, time::Duration};
 pub type Parser = fn(&[u8]) -> bool;
 
 /// Name of the corpus, and what reads it.
-pub const PARSERS: [(&str, Parser); 10] = [
+pub const PARSERS: [(&str, Parser); 11] = [
     ("address", address),
+    ("camera", camera),
     ("camera_jpeg", camera_jpeg),
     ("capture", capture),
     ("config", config),
@@ -50,6 +51,14 @@ pub fn address(bytes: &[u8]) -> bool {
         }),
         _ => false,
     }
+}
+
+/// The file of a camera and its flash.
+pub fn camera(bytes: &[u8]) -> bool {
+    in_a_file("camera.toml", bytes, |path| {
+        path.to_str()
+            .is_some_and(|path| v4l::Plan::parse(path).is_ok())
+    })
 }
 
 /// A picture that a camera compressed, inside a frame.
@@ -147,7 +156,8 @@ pub fn request(bytes: &[u8]) -> bool {
     }
     let mut taken = std::str::from_utf8(bytes).is_ok_and(|text| text.parse::<Light>().is_ok());
     if let Some(shot) = read::<ShotRequest>(bytes) {
-        taken |= CheckedLights::new(&shot.lights, 64, shot.environment.as_ref()).is_ok();
+        taken |= CheckedLights::new(&shot.lights, 64, shot.environment.as_ref()).is_ok()
+            && shot.check_burst(32).is_ok();
     }
     if let Some(again) = read::<RelightRequest>(bytes) {
         taken |= CheckedLights::new(&again.lights, 64, again.environment.as_ref()).is_ok();
