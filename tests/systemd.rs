@@ -1,6 +1,10 @@
 //! The units: what systemd itself says of them.
 
-use std::process::Command;
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    path::{Path, PathBuf},
+    process::Command,
+};
 
 /// Highest exposure that `systemd-analyze security` may find, of 10.
 const EXPOSURE: f64 = 0.6;
@@ -164,4 +168,102 @@ fn what_is_installed_is_whole_runs_from_where_the_units_say_and_keeps_the_owners
         .map(|entry| entry.unwrap().file_name())
         .collect();
     assert_eq!(left.len(), 2, "{left:?}");
+}
+
+/// Every file below a folder by its path there, with its mode.
+fn files(folder: &Path) -> BTreeMap<PathBuf, u32> {
+    use std::os::unix::fs::PermissionsExt as _;
+    let mut found = BTreeMap::new();
+    let mut folders = vec![folder.to_owned()];
+    while let Some(inner) = folders.pop() {
+        for entry in std::fs::read_dir(inner).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                let mode = std::fs::metadata(&path).unwrap().permissions().mode() & 0o777;
+                found.insert(path.strip_prefix(folder).unwrap().to_owned(), mode);
+            }
+        }
+    }
+    found
+}
+
+/// The files of an asset's pattern: of its folder, those that end as it says.
+fn matching(pattern: &Path) -> Vec<PathBuf> {
+    let name = pattern.file_name().unwrap().to_str().unwrap();
+    let Some(ending) = name.strip_prefix('*') else {
+        return vec![pattern.to_owned()];
+    };
+    let entries = std::fs::read_dir(pattern.parent().unwrap()).unwrap();
+    let paths = entries.map(|entry| entry.unwrap().path());
+    paths
+        .filter(|path| path.to_str().unwrap().ends_with(ending))
+        .collect()
+}
+
+#[test]
+fn the_debian_package_holds_what_install_puts_in_place() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let manifest = std::fs::read_to_string(root.join("Cargo.toml")).unwrap();
+    let manifest: toml::Table = manifest.parse().unwrap();
+    let deb = &manifest["package"]["metadata"]["deb"];
+    let text = |value: &toml::Value| value.as_str().unwrap().to_owned();
+
+    let placed = tempfile::tempdir().unwrap();
+    let installed = Command::new(env!("CARGO_BIN_EXE_capturectl"))
+        .args(["install", "--prefix", "/usr", "--destdir"])
+        .arg(placed.path())
+        .output()
+        .unwrap();
+    assert!(installed.status.success(), "{installed:?}");
+    let installed = files(placed.path());
+
+    let mut packed = BTreeMap::new();
+    for asset in deb["assets"].as_array().unwrap() {
+        let [from, to, mode] = [0, 1, 2].map(|at| text(&asset[at]));
+        // Programs are those of this build, and what the program writes is what it wrote here.
+        let program = from.strip_prefix("target/release/");
+        let source = match (program, from.strip_prefix("target/package/")) {
+            (Some(program), _) => placed.path().join("usr/bin").join(program),
+            (_, Some(written)) => placed.path().join(written),
+            _ => root.join(&from),
+        };
+        let sources = matching(&source);
+        assert!(!sources.is_empty(), "nothing is {from}");
+        for source in sources {
+            let target = match to.strip_suffix('/') {
+                Some(folder) => Path::new(folder).join(source.file_name().unwrap()),
+                None => PathBuf::from(&to),
+            };
+            let elsewhere = target.to_str().unwrap();
+            let elsewhere = elsewhere.replace("zsh/vendor-completions", "zsh/site-functions");
+            let twin = placed.path().join(&elsewhere);
+            assert!(
+                std::fs::read(&source).unwrap() == std::fs::read(&twin).unwrap_or_default(),
+                "{from} is not what install writes to {elsewhere}"
+            );
+            let mode = u32::from_str_radix(&mode, 8).unwrap();
+            let twice = packed.insert(PathBuf::from(elsewhere), mode);
+            assert_eq!(twice, None, "{target:?} is packed twice");
+        }
+    }
+    assert_eq!(packed, installed);
+
+    // What the owner may change is left alone by an upgrade.
+    let kept = deb["conf-files"].as_array().unwrap().iter().map(text);
+    let kept: BTreeSet<_> = kept.map(|path| PathBuf::from(&path[1..])).collect();
+    let owned = packed.keys().filter(|path| path.starts_with("etc"));
+    assert_eq!(kept, owned.cloned().collect());
+    // Each unit is started and enabled, or left alone, by what is said of its name.
+    let units = deb["systemd-units"].as_array().unwrap();
+    let named: BTreeSet<_> = units.iter().map(|unit| text(&unit["unit-name"])).collect();
+    let found = packed
+        .keys()
+        .filter(|path| path.starts_with("usr/lib/systemd"));
+    let found = found.map(|path| path.file_stem().unwrap().to_str().unwrap().to_owned());
+    assert_eq!(named, found.collect());
+    let postinst = root.join(text(&deb["maintainer-scripts"])).join("postinst");
+    let postinst = std::fs::read_to_string(postinst).unwrap();
+    assert!(postinst.lines().any(|line| line == "#DEBHELPER#"));
 }
