@@ -82,9 +82,12 @@ fn chip(group: &str, value: &str) -> String {
     format!("#{group} label:has(input[value=\"{value}\"])")
 }
 
-/// Waits until the picture is another than before, and returns its fingerprint.
+/// Waits until the picture is another than before and the last that was asked for, and returns its
+/// fingerprint: a drag asks for several.
 fn changed(page: &mut Page, before: &serde_json::Value) -> serde_json::Value {
-    page.wait(&format!("{FINGERPRINT} !== {before}"));
+    page.wait(&format!(
+        "document.body.dataset.asking === '0' && {FINGERPRINT} !== {before}"
+    ));
     page.value(FINGERPRINT)
 }
 
@@ -216,6 +219,7 @@ fn a_phone_held_upright_shows_everything_and_a_finger_moves_the_light() {
     changed(&mut page, &print);
     page.screenshot("viewer-phone-light.png");
     page.value("window.scrollTo(0, document.body.scrollHeight)");
+    page.wait("document.querySelector('#shots img').naturalWidth > 0");
     page.screenshot("viewer-phone-end.png");
     // Fingers need at least 40 pixels.
     let small = page.value(

@@ -65,7 +65,7 @@ async function refresh() {
   if (!state.shot || state.stopLive) return;
   wish = true;
   if (asking >= 2) return;
-  asking++;
+  document.body.dataset.asking = ++asking;
   try {
     while (wish) {
       wish = false;
@@ -81,7 +81,7 @@ async function refresh() {
   } catch (error) {
     fail(error);
   } finally {
-    asking--;
+    document.body.dataset.asking = --asking;
   }
 }
 

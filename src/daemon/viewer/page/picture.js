@@ -28,11 +28,14 @@ export class Picture {
     this.draw();
   }
 
-  /** The divider follows the picture, which its frame may be wider than. */
+  /** The divider and its words follow the picture, which its frame may be wider than. */
   place() {
     const box = this.canvas.getBoundingClientRect();
     const frame = this.canvas.parentElement.getBoundingClientRect();
     this.divider.style.left = `${box.left - frame.left + this.share * box.width}px`;
+    const [before, after] = this.tags;
+    before.style.left = `calc(${box.left - frame.left}px + 0.6rem)`;
+    after.style.right = `calc(${frame.right - box.right}px + 0.6rem)`;
   }
 
   show(after) {
