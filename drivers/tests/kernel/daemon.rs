@@ -101,10 +101,10 @@ impl Drop for Scene {
 }
 
 /// A running daemon; killed when dropped.
-struct Daemon(Child);
+pub struct Daemon(Child);
 
 impl Daemon {
-    fn start() -> Self {
+    pub fn start() -> Self {
         fs::create_dir_all(FOLDER).unwrap();
         fs::write(format!("{FOLDER}/camera.toml"), CAMERA).unwrap();
         let config = format!(
@@ -138,8 +138,13 @@ impl Daemon {
         daemon
     }
 
+    /// Its process.
+    pub fn process(&self) -> u32 {
+        self.0.id()
+    }
+
     /// Asks it to stop, and answers how it ended.
-    fn stop(mut self) -> ExitStatus {
+    pub fn stop(mut self) -> ExitStatus {
         let asked = Command::new("kill").arg(self.0.id().to_string()).status();
         assert!(asked.unwrap().success());
         self.0.wait().unwrap()
@@ -153,7 +158,7 @@ impl Drop for Daemon {
     }
 }
 
-fn log_text() -> String {
+pub fn log_text() -> String {
     fs::read_to_string(format!("{FOLDER}/log")).unwrap_or_default()
 }
 
@@ -193,6 +198,13 @@ fn frames(folder: &str) -> Vec<Frame> {
 /// Every file of a shot is as it was written, and its pixels say what its labels do.
 pub fn is_whole_and_labelled_right(folder: &str) {
     succeeds(&["info", folder]);
+    let (flash, ambient) = is_labelled_right(folder);
+    eprintln!("{folder}: luma of the flash frame {flash:.1?}, of the ambient frames {ambient:.1?}");
+}
+
+/// Every file of a shot has the length that was written, and its pixels say what its labels do; answers
+/// the luma of its flash and of its ambient frames.
+pub fn is_labelled_right(folder: &str) -> (Vec<f64>, Vec<f64>) {
     let manifest = fs::read_to_string(format!("{folder}/shot.json")).unwrap();
     let manifest: serde_json::Value = serde_json::from_str(&manifest).unwrap();
     for named in manifest["files"].as_array().unwrap() {
@@ -203,22 +215,34 @@ pub fn is_whole_and_labelled_right(folder: &str) {
     let frames = frames(folder);
     assert!(frames.iter().any(|frame| matches!(frame, Frame::Depth(_))));
     let (flash, ambient) = lumas(&frames);
-    eprintln!("{folder}: luma of the flash frame {flash:.1?}, of the ambient frames {ambient:.1?}");
-    assert_eq!(flash.len(), 1);
-    assert!(!ambient.is_empty());
+    assert_eq!(flash.len(), 1, "{folder}");
+    assert!(!ambient.is_empty(), "{folder}");
     // The flash adds 100 of 255; half of that tells the two apart whatever the pattern clips.
-    assert!(ambient.iter().all(|ambient| flash[0] > ambient + 50.0));
+    assert!(
+        ambient.iter().all(|ambient| flash[0] > ambient + 50.0),
+        "{folder}: {flash:?} {ambient:?}"
+    );
+    (flash, ambient)
+}
+
+/// What the daemon answers, and whether it did what it was asked for.
+pub fn ask(method: &str, path: &str, body: &str) -> (bool, serde_json::Value) {
+    let mut stream = UnixStream::connect(SOCKET).unwrap();
+    let request = format!(
+        "{method} {path} HTTP/1.1\r\nHost: daemon\r\nConnection: close\r\nContent-Length: {}\r\n\r\n{body}",
+        body.len()
+    );
+    stream.write_all(request.as_bytes()).unwrap();
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).unwrap();
+    let (head, body) = answer.split_once("\r\n\r\n").unwrap();
+    let done = head.starts_with("HTTP/1.1 2");
+    (done, serde_json::from_str(body).unwrap_or_default())
 }
 
 /// What the daemon says its device is doing.
 fn phase() -> String {
-    let mut stream = UnixStream::connect(SOCKET).unwrap();
-    let request = "GET /v1/status HTTP/1.1\r\nHost: daemon\r\nConnection: close\r\n\r\n";
-    stream.write_all(request.as_bytes()).unwrap();
-    let mut answer = String::new();
-    stream.read_to_string(&mut answer).unwrap();
-    let (_, body) = answer.split_once("\r\n\r\n").unwrap();
-    let status: serde_json::Value = serde_json::from_str(body).unwrap();
+    let (_, status) = ask("GET", "/v1/status", "");
     status["devices"][0]["phase"].as_str().unwrap().to_owned()
 }
 

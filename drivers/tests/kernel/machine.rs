@@ -47,20 +47,24 @@ pub fn control(node: &str, id: u32) -> i64 {
     }
 }
 
-/// Open files, threads, and resident memory in KiB.
+/// Open files, threads, and resident memory in KiB of this process.
 pub fn held() -> (usize, usize, i64) {
-    let count = |folder| fs::read_dir(folder).unwrap().count();
-    let status = fs::read_to_string("/proc/self/status").unwrap();
+    held_by(std::process::id())
+}
+
+/// [`held`] of another process.
+pub fn held_by(process: u32) -> (usize, usize, i64) {
+    let count = |folder: &str| {
+        let entries = fs::read_dir(format!("/proc/{process}/{folder}"));
+        entries.unwrap().count()
+    };
+    let status = fs::read_to_string(format!("/proc/{process}/status")).unwrap();
     let resident = status
         .lines()
         .find_map(|line| line.strip_prefix("VmRSS:"))
         .and_then(|rest| rest.split_whitespace().next())
         .unwrap();
-    (
-        count("/proc/self/fd"),
-        count("/proc/self/task"),
-        resident.parse().unwrap(),
-    )
+    (count("fd"), count("task"), resident.parse().unwrap())
 }
 
 /// Whether this is the long form of the tests.

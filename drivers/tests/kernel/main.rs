@@ -8,6 +8,7 @@ mod machine;
 #[cfg(feature = "nokhwa")]
 mod nokhwa;
 mod oak;
+mod soak;
 mod unit;
 mod usb;
 mod vivid;

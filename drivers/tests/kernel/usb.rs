@@ -171,6 +171,7 @@ fn metering_finds_an_exposure_at_which_neither_picture_clips() {
 fn a_plug_that_is_pulled_is_told_at_once_and_one_put_back_streams_again() {
     let mut device = None;
     let cycles = 5;
+    let (mut told, mut again) = (Duration::ZERO, Duration::ZERO);
     for cycle in 0..cycles {
         let plugged = Plugged::new(&[]);
         let address = color("YUYV");
@@ -185,10 +186,17 @@ fn a_plug_that_is_pulled_is_told_at_once_and_one_put_back_streams_again() {
         );
         assert!(matches!(error, DriverError::Unplugged { .. }), "{error}");
         assert!(took <= Duration::from_millis(250) && back <= Duration::from_secs(2));
+        (told, again) = (told.max(took), again.max(back));
         drop(stream);
         let error = device.start(&Settings::default()).err().expect("no camera");
         assert!(matches!(error, DriverError::NoDevice { .. }), "{error}");
     }
+    eprintln!(
+        "figure | a USB camera of a real kernel (uvcvideo) unplugged while it streams | {cycles} times; told within {:.1} ms, \
+         frames again within {:.0} ms of the node's return",
+        1e3 * told.as_secs_f64(),
+        1e3 * again.as_secs_f64()
+    );
 }
 
 #[test]
