@@ -325,7 +325,7 @@ pub(super) fn reconnect(folder: &Path, cycles: usize) {
     let more = Held::growth(before.unwrap());
     let each = more * 1000.0 / (cycles as f64 * 0.9);
     eprintln!(
-        "figure | a camera unplugged and put back, virtual time | {cycles} times; a right shot again within {:.1} s; {each:+.2} MiB each 1000, files and threads +0",
+        "figure | a camera unplugged and put back {cycles} times, virtual time | a right shot again within {:.1} s; {each:+.2} MiB each 1000, files and threads +0",
         slowest as f64 / 1e9
     );
     assert!(each < 1.0 || more < 2.0, "{each} MiB each 1000");
