@@ -35,10 +35,7 @@ fn infrared(y: usize) -> f32 {
     7.0 * 0.4 / metres(y).powi(2)
 }
 
-fn photograph(
-    light: Illumination,
-    value: impl Fn(usize, usize) -> [f32; 3] + Send + Sync,
-) -> ColorFrame {
+fn photograph(light: Illumination, value: impl Fn(usize, usize) -> [f32; 3] + Sync) -> ColorFrame {
     ColorFrame {
         at: Timestamp::from_nanos(0),
         sequence: 0,

@@ -182,7 +182,7 @@ const NEAR_METRES: f32 = 0.6;
 const FAR_METRES: f32 = 1.5;
 
 /// A square board before a wall, seen by a depth camera 5 cm to the left of a finer color camera.
-fn board_before_wall(is_hole: impl Fn(f64, f64) -> bool + Send + Sync) -> (Rig, RegisteredDepth) {
+fn board_before_wall(is_hole: impl Fn(f64, f64) -> bool + Sync) -> (Rig, RegisteredDepth) {
     let plain = Distortion::None {};
     let rig = rig(
         lens(320, 240, 300.0, plain),

@@ -1,6 +1,7 @@
 //! A rectangle of samples in row order, and nothing else.
 
 use rayon::prelude::*;
+use std::ops::Range;
 use thiserror::Error;
 
 /// The data handed to [`Plane::new`] does not fill the rectangle.
@@ -115,18 +116,13 @@ impl<T> Plane<T> {
     }
 }
 
-/// Samples that are worth another thread.
-const SHARE: usize = 16_384;
-
 impl<T: Sync> Plane<T> {
     /// A plane of the same shape with every sample passed through `change`, a large one on all threads.
-    pub fn map<U: Send>(&self, change: impl Fn(&T) -> U + Send + Sync) -> Plane<U> {
-        let samples = if self.len() <= SHARE {
-            self.samples.iter().map(change).collect()
-        } else {
-            let samples = self.samples.par_iter().with_min_len(SHARE / 2);
-            samples.map(change).collect()
-        };
+    pub fn map<U: Send>(&self, change: impl Fn(&T) -> U + Sync) -> Plane<U> {
+        let samples = in_parts(self.height, self.width, &|rows| {
+            let samples = &self.samples[rows.start * self.width..rows.end * self.width];
+            samples.iter().map(&change).collect()
+        });
         Plane {
             width: self.width,
             height: self.height,
@@ -137,27 +133,46 @@ impl<T: Sync> Plane<T> {
 
 impl<T: Send> Plane<T> {
     /// Asks `sample(x, y)` for every pixel, of a large plane on all threads.
-    pub fn from_fn(
-        width: usize,
-        height: usize,
-        sample: impl Fn(usize, usize) -> T + Send + Sync,
-    ) -> Self {
-        let mut samples = Vec::with_capacity(width * height);
-        let sample = &sample;
-        let row = |y| (0..width).map(move |x| sample(x, y));
-        if width * height <= SHARE {
-            samples.extend((0..height).flat_map(row));
-        } else {
-            let rows = (0..height).into_par_iter();
-            let rows = rows.with_min_len(1 + SHARE / 2 / width);
-            samples.par_extend(rows.flat_map_iter(row));
-        }
+    pub fn from_fn(width: usize, height: usize, sample: impl Fn(usize, usize) -> T + Sync) -> Self {
+        let samples = in_parts(height, width, &|rows| {
+            let mut part = Vec::with_capacity(rows.len() * width);
+            for y in rows {
+                part.extend((0..width).map(|x| sample(x, y)));
+            }
+            part
+        });
         Self {
             width,
             height,
             samples,
         }
     }
+}
+
+/// Samples that are worth another thread.
+const SHARE: usize = 16_384;
+
+/// Rows that `part` makes, one after the other; many of them on all threads.
+///
+/// Compiled once for each kind of sample, and not for every use: a loop over threads is no little code.
+fn in_parts<U: Send>(
+    height: usize,
+    width: usize,
+    part: &(dyn Fn(Range<usize>) -> Vec<U> + Sync),
+) -> Vec<U> {
+    let rows = 1 + SHARE / width.max(1);
+    if height <= rows {
+        return part(0..height);
+    }
+    let mut parts: Vec<Vec<U>> = (0..height.div_ceil(rows)).map(|_| Vec::new()).collect();
+    parts.par_iter_mut().enumerate().for_each(|(index, made)| {
+        *made = part(index * rows..((index + 1) * rows).min(height));
+    });
+    let mut all = Vec::with_capacity(width * height);
+    for mut made in parts {
+        all.append(&mut made);
+    }
+    all
 }
 
 impl<T: Clone> Plane<T> {

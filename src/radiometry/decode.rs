@@ -288,7 +288,7 @@ mod tests {
         width: usize,
         height: usize,
         pattern: BayerPattern,
-        light: impl Fn(usize, usize) -> [f32; 3] + Send + Sync,
+        light: impl Fn(usize, usize) -> [f32; 3] + Sync,
     ) -> Pixels {
         let colors = match pattern {
             BayerPattern::Rggb => [[0, 1], [1, 2]],

@@ -317,10 +317,7 @@ mod tests {
     use super::*;
 
     /// A still scene of 13 stops, seen through `curve` at each factor.
-    fn stack(
-        factors: &[f32],
-        curve: impl Fn(f32) -> f32 + Send + Sync,
-    ) -> Vec<(f32, Plane<[u8; 3]>)> {
+    fn stack(factors: &[f32], curve: impl Fn(f32) -> f32 + Sync) -> Vec<(f32, Plane<[u8; 3]>)> {
         let picture = |factor: f32| {
             Plane::from_fn(96, 64, |x, y| {
                 std::array::from_fn(|channel| {
@@ -344,7 +341,7 @@ mod tests {
     fn known_curves_come_back_within_half_a_per_cent_of_white() {
         struct Case(
             &'static str,
-            Box<dyn Fn(f32) -> f32 + Send + Sync>,
+            Box<dyn Fn(f32) -> f32 + Sync>,
             Box<dyn Fn(f32) -> f32>,
         );
         // An S-curve with a closed inverse, made monotone by its smaller second term.

@@ -56,7 +56,7 @@ fn float_frame(
     width: usize,
     height: usize,
     light: Illumination,
-    value: impl Fn(usize, usize) -> f32 + Send + Sync,
+    value: impl Fn(usize, usize) -> f32 + Sync,
 ) -> ColorFrame {
     let plane = Plane::from_fn(width, height, |x, y| [value(x, y); 3]);
     frame(Pixels::RgbF32(plane), light)

@@ -403,7 +403,9 @@ mod tests {
                 variance: 1e-6,
                 cosine,
             };
-            evidence.add(&Glimpse::of(seen, 0.0).unwrap());
+            if let Some(glimpse) = Glimpse::of(seen, 0.0) {
+                evidence.add(&glimpse);
+            }
         }
         evidence
     }

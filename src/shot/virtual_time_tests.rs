@@ -44,8 +44,8 @@ fn rig() -> Rig {
 fn photograph(
     k: u64,
     light: Illumination,
-    flash: impl Fn(usize) -> f32 + Send + Sync,
-    wall: impl Fn(usize) -> f32 + Send + Sync,
+    flash: impl Fn(usize) -> f32 + Sync,
+    wall: impl Fn(usize) -> f32 + Sync,
 ) -> ColorFrame {
     let chance = Chance::new(17).of(k);
     let pixels = Plane::from_fn(SIZE, SIZE, |x, y| {

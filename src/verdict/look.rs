@@ -85,10 +85,7 @@ impl<'a> Look<'a> {
     }
 
     /// Pixels of the working grid that belong to pixels of this grid of known depth that count.
-    pub fn on_working_grid(
-        &self,
-        counts: impl Fn((usize, usize)) -> bool + Send + Sync,
-    ) -> Plane<bool> {
+    pub fn on_working_grid(&self, counts: impl Fn((usize, usize)) -> bool + Sync) -> Plane<bool> {
         let (columns, rows) = self.size();
         let (width, height) = self.development.scene.depth_metres.size();
         Plane::from_fn(width, height, |x, y| {

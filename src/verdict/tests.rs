@@ -17,8 +17,8 @@ const SIDE: usize = 128;
 /// `photographed` may change pixel by pixel; depth as `sensed` says of the true one.
 fn wall(
     size: (usize, usize),
-    photographed: impl Fn(usize, usize, f32) -> f32 + Send + Sync,
-    sensed: impl Fn(usize, usize, f32) -> f32 + Send + Sync,
+    photographed: impl Fn(usize, usize, f32) -> f32 + Sync,
+    sensed: impl Fn(usize, usize, f32) -> f32 + Sync,
 ) -> Shot {
     let (width, height) = size;
     let inside = |at: usize, end: usize| (3 * end / 10..6 * end / 10).contains(&at);

@@ -157,7 +157,7 @@ impl World {
     fn seen<T: Copy + Send + Sync>(
         &self,
         nothing: T,
-        answer: impl Fn(&Surface) -> T + Send + Sync,
+        answer: impl Fn(&Surface) -> T + Sync,
     ) -> Plane<T> {
         let lens = &self.rig.color;
         Plane::from_fn(lens.width, lens.height, |x, y| {

@@ -181,7 +181,7 @@ mod tests {
         }
     }
 
-    fn feed(light: f32, depth: impl Fn(usize, usize) -> f32 + Send + Sync) -> Feed {
+    fn feed(light: f32, depth: impl Fn(usize, usize) -> f32 + Sync) -> Feed {
         Feed::new(&Photograph {
             light: &LinearImage(Plane::filled(128, 128, [light; 3])),
             depth_metres: &Plane::from_fn(128, 128, depth),
