@@ -253,11 +253,10 @@ fn a_report_that_cannot_stand_beside_another_is_refused_and_a_summary_keeps_what
     eval(&["b", "--report", "b-report"]).succeeds();
     eval(&["a", "--report", "out", "--beside", "b-report"]).refuses(3, &["another capture, b"]);
     let text = fs::read_to_string(folder.path().join("b-report/report.json")).unwrap();
-    fs::write(
-        folder.path().join("b-report/report.json"),
-        &text[..text.len() / 2],
-    )
-    .unwrap();
+    // Cut where something begins: half a number would be another complaint.
+    let mut half = text.as_bytes()[..text.len() / 2].iter();
+    let half = half.rposition(|byte| *byte == b'{').unwrap() + 1;
+    fs::write(folder.path().join("b-report/report.json"), &text[..half]).unwrap();
     eval(&["b", "--report", "out", "--beside", "b-report"]).refuses(3, &["report.json", "EOF"]);
     assert!(!folder.path().join("out").exists());
 
