@@ -8,7 +8,7 @@ mod machine;
 #[cfg(feature = "nokhwa")]
 mod nokhwa;
 mod oak;
-mod soak;
+mod endurance;
 mod unit;
 mod usb;
 mod vivid;
