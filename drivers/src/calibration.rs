@@ -300,3 +300,30 @@ impl Rig {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_slopes_of_a_bent_lens_are_what_nearby_points_differ_by() {
+        const STEP: f64 = 1e-6;
+        let lens = Distortion::Rational {
+            k1: 0.4,
+            k2: -0.3,
+            p1: 1e-3,
+            p2: -2e-3,
+            k3: 0.05,
+            k4: 0.7,
+            k5: -0.2,
+            k6: 0.1,
+        };
+        for point in [DVec2::ZERO, DVec2::new(0.3, -0.2), DVec2::new(-0.7, 0.5)] {
+            let found = lens.slopes(point);
+            for (slope, along) in found.into_iter().zip([DVec2::X, DVec2::Y]) {
+                let apart = lens.distort(point + STEP * along) - lens.distort(point - STEP * along);
+                assert!((slope - apart / (2.0 * STEP)).length() < 1e-7, "{point}");
+            }
+        }
+    }
+}
