@@ -205,6 +205,16 @@ impl Page {
         }
     }
 
+    /// Touches with one finger.
+    pub fn tap(&mut self, selector: &str) {
+        self.drag(selector, (0.0, 0.0), true);
+    }
+
+    /// Types as the keyboard of a screen does, into what has the focus.
+    pub fn type_text(&mut self, text: &str) {
+        self.call("Input.insertText", json!({ "text": text }));
+    }
+
     /// Drags with one finger or the mouse, from the middle of an element by so many pixels.
     pub fn drag(&mut self, selector: &str, (right, down): (f64, f64), finger: bool) {
         let (x, y) = self.middle(selector);

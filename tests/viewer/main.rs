@@ -126,8 +126,41 @@ fn a_newcomer_shoots_drags_the_light_and_sees_every_layer() {
     page.wait("document.querySelectorAll('#shots button').length === 1");
     page.wait(IDLE);
     page.wait("document.querySelector('#shots img').complete && document.querySelector('#shots img').naturalWidth > 0");
-    let mut print = page.value(FINGERPRINT);
     page.screenshot("viewer-desktop.png");
+
+    // Beyond the limit of the configuration nothing is shot; the arrows and Enter are enough for a burst.
+    page.value("document.getElementById('burst').focus()");
+    for digit in ["3", "3"] {
+        page.key(digit);
+    }
+    page.key("Enter");
+    let told = page.value("document.getElementById('burst').validationMessage");
+    assert!(told.as_str().unwrap().contains("32"), "{told}");
+    page.value("document.getElementById('burst').value = ''");
+    for _ in 0..3 {
+        page.key("ArrowUp");
+    }
+    assert_eq!(page.value("document.getElementById('burst').value"), "4");
+    page.screenshot("viewer-burst.png");
+    page.key("Enter");
+    page.wait("document.querySelectorAll('#shots button').length === 2");
+    page.wait(IDLE);
+    page.value("document.getElementById('about-shot').open = true");
+    page.wait("document.getElementById('made-of').textContent.includes('without')");
+    let made_of = page.value("document.getElementById('made-of').textContent");
+    let numbers: Vec<u32> = made_of
+        .as_str()
+        .unwrap()
+        .split(' ')
+        .filter_map(|word| word.parse().ok())
+        .collect();
+    // Both lights come in runs; the last of each is taken whole.
+    assert!(numbers[0] + numbers[1] >= 4, "{made_of}");
+    page.screenshot("viewer-burst-about.png");
+    page.value("document.getElementById('about-shot').open = false");
+    page.value("document.getElementById('burst').value = ''");
+    page.value("document.getElementById('burst').blur()");
+    let mut print = page.value(FINGERPRINT);
 
     page.drag("#hemisphere", (-50.0, 20.0), false);
     print = changed(&mut page, &print);
@@ -174,13 +207,13 @@ fn a_newcomer_shoots_drags_the_light_and_sees_every_layer() {
 
     // What is kept is a second shot; what is deleted is gone from the disk.
     page.click("#keep");
-    page.wait("document.querySelectorAll('#shots button').length === 2");
+    page.wait("document.querySelectorAll('#shots button').length === 3");
     page.wait(IDLE);
     page.value("document.getElementById('about-shot').open = true");
     page.click("#delete");
     page.click("#confirm button[value=yes]");
-    page.wait("document.querySelectorAll('#shots button').length === 1");
-    assert_eq!(daemon.capturectl(&["shots"]).lines().count(), 2);
+    page.wait("document.querySelectorAll('#shots button').length === 2");
+    assert_eq!(daemon.capturectl(&["shots"]).lines().count(), 3);
     assert_eq!(page.complaints, Vec::<String>::new());
 }
 
@@ -230,12 +263,20 @@ fn a_phone_held_upright_shows_everything_and_a_finger_moves_the_light() {
     page.drag("#hemisphere", (-40.0, 10.0), true);
     changed(&mut page, &print);
     page.screenshot("viewer-phone-light.png");
+    // A finger reaches the frames of a burst, and the numbers of the screen's keyboard arrive there.
+    page.tap("#burst");
+    page.type_text("3");
+    page.screenshot("viewer-phone-burst.png");
+    page.tap("#shoot");
+    page.wait("document.querySelectorAll('#shots button').length === 2");
+    page.wait(IDLE);
+    page.wait("document.getElementById('made-of').textContent.includes('without')");
     page.value("window.scrollTo(0, document.body.scrollHeight)");
     page.wait("document.querySelector('#shots img').naturalWidth > 0");
     page.screenshot("viewer-phone-end.png");
     // Fingers need at least 40 pixels.
     let small = page.value(
-        "[...document.querySelectorAll('button, .chips label')].filter(e => e.offsetParent && e.offsetHeight < 35).map(e => e.textContent)",
+        "[...document.querySelectorAll('button, .chips label, #burst')].filter(e => e.offsetParent && e.offsetHeight < 35).map(e => e.textContent)",
     );
     assert_eq!(small, serde_json::json!([]));
     assert_eq!(page.complaints, Vec::<String>::new());

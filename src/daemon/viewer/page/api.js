@@ -31,6 +31,7 @@ export async function enter() {
 }
 
 export const status = async () => (await ask("/v1/status")).json();
+export const config = async () => (await ask("/v1/config")).json();
 export const shots = async (skip, limit) => (await ask(`/v1/shots?skip=${skip}&limit=${limit}`)).json();
 export const describe = async (id) => (await ask(`/v1/shots/${id}`)).json();
 export const remove = (id) => ask(`/v1/shots/${id}`, { method: "DELETE" });

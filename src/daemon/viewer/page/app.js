@@ -309,6 +309,7 @@ async function about(id) {
   if (!id) return;
   try {
     const manifest = await api.describe(id);
+    $("made-of").textContent = burstWords(manifest.report.burst);
     shows("warnings", manifest.warnings.map((words) => Object.assign(document.createElement("li"), { textContent: words })));
     shows("files", [...manifest.files.map((file) => file.name), "shot.json"].map((name) => {
       const item = document.createElement("li");
@@ -319,6 +320,13 @@ async function about(id) {
   } catch (error) {
     fail(error);
   }
+}
+
+/** Of what a burst was made; nothing of a shot that is none. */
+function burstWords(burst) {
+  if (!burst) return "";
+  const [flash, ambient] = burst.used;
+  return `${flash} frames with flash and ${ambient} without: ${burst.expected_noise.toFixed(2)} of the noise of one and one.`;
 }
 
 async function finish(work) {
@@ -338,10 +346,17 @@ async function finish(work) {
 }
 
 function shoot() {
+  const frames = $("burst");
+  // The browser tells what is wrong beside the field, and nothing is shot by mistake.
+  if (!frames.reportValidity()) return;
   leaveLive();
-  return finish((step) => api.shoot({ relight: true, lights: [{ direction: hemisphere.direction }] }, step));
+  const burst = frames.value ? { burst: Number(frames.value) } : {};
+  return finish((step) => api.shoot({ relight: true, lights: [{ direction: hemisphere.direction }], ...burst }, step));
 }
 $("shoot").addEventListener("click", shoot);
+$("burst").addEventListener("keydown", (event) => {
+  if (event.key === "Enter") $("shoot").click();
+});
 $("keep").addEventListener("click", () => {
   const { lights, environment } = wanted();
   return finish((step) => api.relight(state.shot, { lights, ...(environment ? { environment } : {}) }, step));
@@ -385,7 +400,7 @@ $("confirm").addEventListener("close", async () => {
 
 function roles() {
   const may = state.role === "shoot";
-  $("shoot").disabled = !may;
+  $("shoot").disabled = $("burst").disabled = !may;
   $("keep").disabled = $("delete").disabled = !may || !state.shot;
   $("save").disabled = !state.shot;
 }
@@ -393,6 +408,11 @@ function roles() {
 function device(phase, words) {
   document.querySelector("#device .dot").className = `dot ${phase}`;
   $("device-words").textContent = words;
+}
+
+/** How many frames a burst may have. */
+async function limits() {
+  $("burst").max = (await api.config()).limits.burst;
 }
 
 async function status() {
@@ -406,6 +426,7 @@ async function status() {
 
 function heard(event) {
   if (event.event === "device") status().catch(fail);
+  else if (event.event === "reloaded") limits().catch(fail);
   else if (event.event === "committed" || event.event === "deleted") list().catch(fail);
 }
 
@@ -419,6 +440,7 @@ document.addEventListener("keydown", (event) => {
 try {
   await api.enter();
   await status();
+  await limits();
   choose($("environments"), "");
   choose($("layers"), "relit");
   const shots = await list();
