@@ -202,27 +202,43 @@ pub fn is_whole_and_labelled_right(folder: &str) {
     eprintln!("{folder}: luma of the flash frame {flash:.1?}, of the ambient frames {ambient:.1?}");
 }
 
-/// Every file of a shot has the length that was written, and its pixels say what its labels do; answers
-/// the luma of its flash and of its ambient frames.
-pub fn is_labelled_right(folder: &str) -> (Vec<f64>, Vec<f64>) {
-    let manifest = fs::read_to_string(format!("{folder}/shot.json")).unwrap();
-    let manifest: serde_json::Value = serde_json::from_str(&manifest).unwrap();
-    for named in manifest["files"].as_array().unwrap() {
-        let path = format!("{folder}/{}", named["name"].as_str().unwrap());
-        let length = fs::metadata(&path).unwrap().len();
-        assert_eq!(Some(length), named["bytes"].as_u64(), "{path}");
-    }
+/// [`labels`] that must be right.
+fn is_labelled_right(folder: &str) -> (Vec<f64>, Vec<f64>) {
+    labels(folder).unwrap_or_else(|problem| panic!("{problem}"))
+}
+
+/// The luma of a shot's flash frame and of its ambient frames; or in words what its pixels say against its
+/// labels.
+pub fn labels(folder: &str) -> Result<(Vec<f64>, Vec<f64>), String> {
     let frames = frames(folder);
-    assert!(frames.iter().any(|frame| matches!(frame, Frame::Depth(_))));
+    let depths = frames
+        .iter()
+        .filter(|frame| matches!(frame, Frame::Depth(_)));
+    let depths = depths.count();
     let (flash, ambient) = lumas(&frames);
-    assert_eq!(flash.len(), 1, "{folder}");
-    assert!(!ambient.is_empty(), "{folder}");
     // The flash adds 100 of 255; half of that tells the two apart whatever the pattern clips.
-    assert!(
-        ambient.iter().all(|ambient| flash[0] > ambient + 50.0),
-        "{folder}: {flash:?} {ambient:?}"
-    );
-    (flash, ambient)
+    let apart = flash
+        .iter()
+        .all(|flash| ambient.iter().all(|ambient| *flash > ambient + 50.0));
+    if depths > 0 && flash.len() == 1 && !ambient.is_empty() && apart {
+        Ok((flash, ambient))
+    } else {
+        Err(format!(
+            "{folder}: luma of flash frames {flash:.1?}, of ambient frames {ambient:.1?}; {depths} depth frames"
+        ))
+    }
+}
+
+/// Shots of which every byte is as it was written.
+pub fn whole() -> Vec<String> {
+    let output = capturectl(&["--json", "fsck"]).output().unwrap();
+    let found: serde_json::Value = serde_json::from_slice(&output.stdout)
+        .unwrap_or_else(|error| panic!("{error}: {}", said(&output)));
+    let found = found["found"].as_array().unwrap().iter();
+    let whole = found.filter(|shot| shot["condition"] == "whole");
+    whole
+        .map(|shot| shot["name"].as_str().unwrap().to_owned())
+        .collect()
 }
 
 /// What the daemon answers, and whether it did what it was asked for.
@@ -256,6 +272,10 @@ fn until(wanted: &str) -> Duration {
     since.elapsed()
 }
 
+fn milliseconds(time: Duration) -> f64 {
+    1e3 * time.as_secs_f64()
+}
+
 /// Nobody asks for a shot while the camera goes and comes.
 fn idle_loss_is_told_and_mended() {
     let cycles = if is_long() { 50 } else { 5 };
@@ -273,12 +293,12 @@ fn idle_loss_is_told_and_mended() {
     returns.sort();
     let worst = |times: &[Duration]| times[times.len() - 1];
     eprintln!(
-        "figure | a real kernel's camera unplugged while the daemon is idle | {cycles} times; told within {:?} (median {:?}), ready again within {:?} \
-         (median {:?})",
-        worst(&losses),
-        losses[cycles / 2],
-        worst(&returns),
-        returns[cycles / 2]
+        "figure | a real kernel's camera unplugged while the daemon is idle | {cycles} times; told within {:.0} ms (median {:.0}), ready again within \
+         {:.0} ms (median {:.0})",
+        milliseconds(worst(&losses)),
+        milliseconds(losses[cycles / 2]),
+        milliseconds(worst(&returns)),
+        milliseconds(returns[cycles / 2])
     );
     // A look every 250 ms, and one answer of the daemon.
     assert!(worst(&losses) <= Duration::from_millis(300));
@@ -384,7 +404,8 @@ fn a_daemon_killed_while_its_flash_burns_leaves_it_dark_and_its_shots_whole() {
         assert!(!client.wait().unwrap().success(), "a shot of a dead daemon");
     }
     eprintln!(
-        "figure | SIGKILL in the middle of a flash, a real kernel's LED | {times} times; the last light was {longest:?} after its beginning"
+        "figure | SIGKILL in the middle of a flash, a real kernel's LED | {times} times; the last light was {:.0} ms after its beginning",
+        milliseconds(longest)
     );
     assert!(longest <= BOUND, "{longest:?}");
     // Another one takes over what is left, and photographs.
