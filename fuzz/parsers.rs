@@ -13,8 +13,12 @@ use captured::{
     shot,
 };
 use drivers::{
-    ColorFrame, Device, DriverError, Exposure, Frame, Illumination, Pixels, Settings, Timestamp,
-    Transfer, depthai, flaky::Faults, replay::Replay, synthetic, v4l,
+    ColorFrame, DepthFrame, Device, DriverError, Exposure, Frame, Illumination, Pixels, Settings,
+    Timestamp, Transfer, depthai,
+    flaky::Faults,
+    replay::Replay,
+    synthetic,
+    v4l::{self, Claim},
 };
 use serde::de::DeserializeOwned;
 use std::{path::Path, time::Duration};
@@ -23,12 +27,13 @@ use std::{path::Path, time::Duration};
 pub type Parser = fn(&[u8]) -> bool;
 
 /// Name of the corpus, and what reads it.
-pub const PARSERS: [(&str, Parser); 11] = [
+pub const PARSERS: [(&str, Parser); 12] = [
     ("address", address),
     ("camera", camera),
     ("camera_jpeg", camera_jpeg),
     ("capture", capture),
     ("config", config),
+    ("frame", frame),
     ("image", image),
     ("manifest", manifest),
     ("onnx", onnx),
@@ -63,6 +68,63 @@ pub fn camera(bytes: &[u8]) -> bool {
 
 /// A picture that a camera compressed, inside a frame.
 pub fn camera_jpeg(bytes: &[u8]) -> bool {
+    bracket(&Pixels::Mjpg {
+        width: 16,
+        height: 16,
+        bytes: bytes.to_vec(),
+    })
+}
+
+/// A buffer of a V4L2 camera, after what the camera says of it: four characters of the format; width and
+/// height, 16 bits each; color space, transfer function, encoding and range, a byte each; the number of
+/// planes; of each plane its stride and its length, 32 bits each; then the planes. All little endian.
+pub fn frame(bytes: &[u8]) -> bool {
+    let Some(claim) = claimed(bytes) else {
+        return false;
+    };
+    let depth = claim.depth(0.001, 10.0).map(|metres| {
+        let amplitude = claim.amplitude().expect("as sound as the depth of it");
+        let frame = DepthFrame {
+            at: Timestamp::from_nanos(2),
+            sequence: 1,
+            metres,
+            amplitude: Some(amplitude),
+            sigma: None,
+        };
+        assembler(frame.metres.size()).push(Frame::Depth(frame));
+    });
+    let color = claim.picture().map(|pixels| bracket(&pixels));
+    depth.is_ok() || color == Ok(true)
+}
+
+fn claimed(bytes: &[u8]) -> Option<Claim<'_>> {
+    let (code, rest) = bytes.split_first_chunk::<4>()?;
+    let (&[w0, w1, h0, h1], rest) = rest.split_first_chunk::<4>()?;
+    let (color, rest) = rest.split_first_chunk::<4>()?;
+    let (count, mut rest) = rest.split_first()?;
+    let mut told = Vec::new();
+    for _ in 0..*count {
+        let (numbers, after) = rest.split_first_chunk::<8>()?;
+        let (words, _) = numbers.as_chunks::<4>();
+        told.push([words[0], words[1]].map(|word| u32::from_le_bytes(word) as usize));
+        rest = after;
+    }
+    let planes = told.into_iter().map(|[stride, length]| {
+        let (plane, after) = rest.split_at(length.min(rest.len()));
+        rest = after;
+        (stride, plane)
+    });
+    Some(Claim {
+        code: *code,
+        width: u16::from_le_bytes([w0, w1]).into(),
+        height: u16::from_le_bytes([h0, h1]).into(),
+        color: color.map(u32::from),
+        planes: planes.collect(),
+    })
+}
+
+/// Puts a picture into a flash and into ambient frames, and says whether its light can be had.
+fn bracket(pixels: &Pixels) -> bool {
     let frame = |at, light| ColorFrame {
         at: Timestamp::from_nanos(at),
         sequence: at,
@@ -71,19 +133,12 @@ pub fn camera_jpeg(bytes: &[u8]) -> bool {
             seconds: 0.01,
             gain: 1.0,
         },
-        pixels: Pixels::Mjpg {
-            width: 16,
-            height: 16,
-            bytes: bytes.to_vec(),
-        },
+        pixels: pixels.clone(),
         transfer: Transfer::Srgb,
         black_level: 0.0,
         white_level: 1.0,
     };
-    let desk = synthetic::Options::parse("desk?width=64&height=64").map(synthetic::Synthetic::new);
-    let mut rig = desk.expect("the address is good").rig();
-    (rig.color.width, rig.color.height) = (16, 16);
-    let mut assembler = shot::Assembler::new(rig, shot::Limits::default());
+    let mut assembler = assembler(pixels.size());
     for (at, light) in [
         (1, Illumination::Ambient),
         (2, Illumination::Flash),
@@ -92,6 +147,17 @@ pub fn camera_jpeg(bytes: &[u8]) -> bool {
         assembler.push(Frame::Color(frame(at, light)));
     }
     linearise(&frame(1, Illumination::Ambient)).is_ok()
+}
+
+/// For pictures of this size, from both cameras.
+fn assembler((width, height): (usize, usize)) -> shot::Assembler {
+    let desk = synthetic::Options::parse("desk?width=64&height=64").map(synthetic::Synthetic::new);
+    let mut rig = desk.expect("the address is good").rig();
+    (rig.color.width, rig.color.height) = (width, height);
+    if let Some(depth) = &mut rig.depth {
+        (depth.lens.width, depth.lens.height) = (width, height);
+    }
+    shot::Assembler::new(rig, shot::Limits::default())
 }
 
 /// `capture.toml` beside no picture: only the text is asked about.

@@ -14,9 +14,9 @@ pub(crate) use control::Control;
 pub(crate) use event::{CONTROL_CHANGED, Event, SOURCE_CHANGED};
 pub(crate) use failure::{is_gone, opening, refused};
 pub(crate) use media::{FLASH, nodes_with_function};
-pub(crate) use video::{Asked, Capabilities, Filled, FourCc, Granted};
 #[cfg(test)]
-pub(crate) use video::{Flags, PlaneLayout};
+pub(crate) use video::Flags;
+pub(crate) use video::{Asked, Capabilities, Filled, FourCc, Granted, PlaneLayout};
 
 use std::{
     fs::{File, OpenOptions},

@@ -7,6 +7,7 @@
 mod bracket;
 mod buffers;
 mod camera;
+mod claim;
 mod clock;
 mod exposure;
 mod flow;
@@ -18,6 +19,7 @@ mod plan;
 mod stream;
 mod unpack;
 
+pub use claim::Claim;
 pub use plan::{CameraPlan, Plan, Stamp};
 
 use crate::{
