@@ -53,7 +53,7 @@ impl Export {
             develop(&capture.shot, &options, &mut told).map_err(|error| unmade(error.into()))?;
         if let Some(network) = network {
             progress.doing("correcting surfaces with a network");
-            let refined = development.refine(&capture.shot, network.as_ref(), options.prepare);
+            let refined = development.refine(&capture.shot, network.as_ref());
             refined.map_err(|error| unmade(error.into()))?;
         }
         progress.doing("writing");

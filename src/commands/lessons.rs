@@ -8,7 +8,7 @@ use crate::{
     develop::{Development, Options, Stage, develop},
     folder::{Capture, FolderError},
     relight::{
-        Lamp,
+        Lamp, RelightOptions,
         networks::{
             Channels,
             compact::{Correction, toward_camera},
@@ -221,7 +221,8 @@ impl Lesson {
         let correction = Correction::of(scene, prepared);
         self.channels("ground", &correction.ground().planes);
         self.colors("albedo", &[&scene.albedo]);
-        let (mut toward, mut closed, mut told) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut toward, mut told) = (Vec::new(), Vec::new());
+        let (mut closed, mut swept) = (Vec::new(), Vec::new());
         for light in &truth.lights {
             let (picture, Some(shadow)) = light.load()? else {
                 continue;
@@ -232,35 +233,33 @@ impl Lesson {
                 remedy: "mend truth/lights.toml",
             })?;
             toward.extend(lamp.person_direction());
-            closed.push(correction.swept(prepared, &lamp));
+            closed.push(prepared.relight(&lamp, RelightOptions::default()));
+            swept.push(correction.swept(prepared, &lamp));
             told.push((picture.0, shadow));
         }
         let bytes = toward.iter().flat_map(|v: &f32| v.to_le_bytes()).collect();
         self.add("toward", Dtype::F32, vec![closed.len(), 3], bytes);
         self.colors(
             "closed",
-            &closed
-                .iter()
-                .map(|one| &one.relit.light.0)
-                .collect::<Vec<_>>(),
+            &closed.iter().map(|one| &one.light.0).collect::<Vec<_>>(),
         );
         self.colors(
             "direct",
-            &closed.iter().map(|one| &one.direct).collect::<Vec<_>>(),
+            &swept.iter().map(|one| &one.direct).collect::<Vec<_>>(),
         );
         self.colors(
             "truth.relit",
             &told.iter().map(|(light, _)| light).collect::<Vec<_>>(),
         );
-        let seen: Vec<_> = closed.iter().map(|one| &one.relit.shadow).collect();
+        let seen: Vec<_> = closed.iter().map(|one| &one.shadow).collect();
         self.shares("seen", &seen);
         self.shares(
             "thin",
-            &closed.iter().map(|one| &one.others[0]).collect::<Vec<_>>(),
+            &swept.iter().map(|one| &one.others[0]).collect::<Vec<_>>(),
         );
         self.shares(
             "thick",
-            &closed.iter().map(|one| &one.others[1]).collect::<Vec<_>>(),
+            &swept.iter().map(|one| &one.others[1]).collect::<Vec<_>>(),
         );
         self.shares(
             "truth.shadow",

@@ -4,7 +4,7 @@ use crate::{
     radiometry::{FlashOnly, LinearImage},
     registration::RegisteredDepth,
     relight::{
-        Emitter, Environment, Found, LightSet, Luminaire, Preparation, Prepared, Relit,
+        Emitter, Environment, Found, LightSet, Luminaire, Prepared, Relit,
         enlarge::enlarge_relit,
         networks::{
             Feed, Network, NetworkError, Photograph, Variant,
@@ -118,19 +118,14 @@ impl Development {
         }
     }
 
-    /// Corrects the surfaces by the compact network of surfaces and makes them ready again; `shot` is the one that
-    /// was developed.
+    /// Corrects the surfaces by the compact network of surfaces and makes them ready; what they cast shadows on and
+    /// what they block stays. `shot` is the one that was developed.
     ///
     /// # Errors
     /// [`NetworkError`] of the network; then nothing has changed.
-    pub fn refine(
-        &mut self,
-        shot: &Shot,
-        surfaces: &dyn Network,
-        preparation: Preparation,
-    ) -> Result<(), NetworkError> {
+    pub fn refine(&mut self, shot: &Shot, surfaces: &dyn Network) -> Result<(), NetworkError> {
         self.scene = corrected(&self.scene, &self.sight(shot).given(), surfaces)?;
-        self.prepared = Prepared::new(&self.scene, preparation);
+        self.prepared.resurface(&self.scene);
         Ok(())
     }
 

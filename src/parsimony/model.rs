@@ -10,7 +10,7 @@ use crate::{
     develop::{DevelopError, Development, Options, Stage, develop_light},
     radiometry::{FlashOnly, LinearImage, photograph},
     relight::{
-        Emitter, Preparation, RelightOptions, Relit,
+        Emitter, RelightOptions, Relit,
         networks::{Network, NetworkError, compact::Correction},
         summed,
     },
@@ -52,7 +52,6 @@ pub struct Model {
     leaning: Option<(LinearImage, f32)>,
     /// What a network corrects its light by, where surfaces were refined.
     correction: Option<Box<Correction>>,
-    preparation: Preparation,
 }
 
 impl Model {
@@ -77,7 +76,6 @@ impl Model {
             development,
             terms: plan.terms,
             correction: None,
-            preparation: options.prepare,
         })
     }
 
@@ -150,7 +148,7 @@ impl Model {
     /// [`NetworkError`] of the network.
     pub fn refined(mut self, shot: &Shot, surfaces: &dyn Network) -> Result<Self, NetworkError> {
         let development = &mut self.development;
-        development.refine(shot, surfaces, self.preparation)?;
+        development.refine(shot, surfaces)?;
         let correction = Correction::of(&development.scene, &development.prepared);
         self.correction = Some(Box::new(correction));
         Ok(self)

@@ -126,6 +126,42 @@ pub fn enlarge<T: Mix>(plane: &Plane<T>, width: usize, height: usize) -> Plane<T
     Plane::new(width, height, samples).expect("one sample per pixel")
 }
 
+/// Rows of a larger grid, one at a time, from channels whose samples are all known; bilinear as [`enlarge`].
+#[derive(Debug)]
+pub struct Stretch {
+    columns: Vec<(usize, usize, f32)>,
+    rows: Vec<(usize, usize, f32)>,
+    width: usize,
+}
+
+impl Stretch {
+    /// From channels of a `small` grid to a `large` one.
+    pub fn new(small: (usize, usize), large: (usize, usize)) -> Self {
+        Self {
+            columns: places(small.0, large.0),
+            rows: places(small.1, large.1),
+            width: small.0,
+        }
+    }
+
+    /// Row `y` of the larger grid of `channel`; `between` is scratch.
+    pub fn row(&self, channel: &[f32], y: usize, between: &mut Vec<f32>, out: &mut [f32]) {
+        let (first, second, fy) = self.rows[y];
+        let [upper, lower] = [first, second].map(|row| &channel[row * self.width..][..self.width]);
+        between.clear();
+        between.extend(
+            upper
+                .iter()
+                .zip(lower)
+                .map(|(upper, lower)| upper + fy * (lower - upper)),
+        );
+        for (out, &(first, second, fx)) in out.iter_mut().zip(&self.columns) {
+            let (left, right) = (between[first], between[second]);
+            *out = left + fx * (right - left);
+        }
+    }
+}
+
 /// The part of the flash light's median below which a ratio to it means nothing.
 const FLOOR_SHARE: f32 = 0.05;
 
@@ -259,6 +295,22 @@ mod tests {
         assert!((large[(13, 3)] - ((13.5 / 4.0) - 0.5)).abs() < 1e-5);
         assert!(large[(26, 10)].is_nan());
         assert!(large[(16, 10)].is_finite());
+    }
+
+    #[test]
+    fn rows_that_are_stretched_one_at_a_time_are_those_of_the_whole() {
+        let small = Plane::from_fn(7, 5, |x, y| ((3 * x + 5 * y * y) % 11) as f32);
+        for size in [(7, 5), (29, 13), (70, 50)] {
+            let whole = enlarge(&small, size.0, size.1);
+            let stretch = Stretch::new(small.size(), size);
+            let (mut between, mut row) = (Vec::new(), vec![0.0; size.0]);
+            for y in 0..size.1 {
+                stretch.row(small.samples(), y, &mut between, &mut row);
+                for (found, expected) in row.iter().zip(whole.row(y)) {
+                    assert!((found - expected).abs() < 1e-5, "{size:?}");
+                }
+            }
+        }
     }
 
     #[test]

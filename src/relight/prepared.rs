@@ -88,6 +88,15 @@ pub struct Relit {
     pub unseen_path_fraction: f32,
 }
 
+/// What a sweep says of one lamp.
+#[derive(Debug, Clone)]
+pub struct Seen {
+    /// 0 = blocked, 1 = clear, between = probability, whatever way the surface faces.
+    pub visibility: Plane<f32>,
+    /// As in [`Relit`].
+    pub unseen_path_fraction: f32,
+}
+
 /// Share of the mean outgoing light that a blocked direction sends: what blocks is itself partly
 /// in shadow and seen from its dark side. Of 0, 0.5 and 1 the best on the rendered validation set
 /// (31.01, 31.04 and 30.91 dB).
@@ -172,6 +181,13 @@ impl Prepared {
         }
     }
 
+    /// Takes the surfaces of `scene`, whose depth is that of before.
+    pub fn resurface(&mut self, scene: &Scene) {
+        let blocked = self.surfaces.obscurance().to_vec();
+        self.surfaces = Surfaces::new(scene, blocked);
+        self.shines = scene.material != Material::Matte;
+    }
+
     /// `(width, height)` in pixels.
     pub fn size(&self) -> (usize, usize) {
         (self.width, self.height)
@@ -216,61 +232,110 @@ impl Prepared {
             return 0.0;
         }
         let emitter = lamp.into();
-        let mut shader = ShaderLamp {
-            emitter,
-            indirect: [0.0; 3],
-            shines: self.shines,
-        };
         let occluders = self.occluders.as_ref();
         let swept = occluders
             .filter(|_| options.shadows != Shadows::None)
             .map(|occluders| sweep(occluders, emitter.origin));
         let answers = swept.as_ref().map(|swept| Answers::new(swept, self.width));
         let source = Source::new(self, answers.as_ref());
+        let shader = self.shader(emitter, options.indirect, &source);
         let hard = options.shadows == Shadows::Hard;
-        if options.indirect == Indirect::Obscurance && self.bounce > 0.0 {
-            shader.indirect = self.mean_sent(&shader, &source);
+        let sees = |y: usize, shadow: &mut [f32]| {
+            let unseen = source.row(y, shadow);
+            if hard {
+                for value in shadow.iter_mut() {
+                    *value = if *value > 0.5 { 1.0 } else { 0.0 };
+                }
+            }
+            unseen
+        };
+        self.shade(&shader, (light, shadow), sees, |_, _| ())
+    }
+
+    /// How much of the lamp each pixel sees, whatever way it faces; everything where no shadows are cast.
+    pub(super) fn seen(&self, emitter: Emitter) -> Seen {
+        let mut visibility = Plane::filled(self.width, self.height, 1.0);
+        let mut unseen = 0;
+        if let Some(occluders) = &self.occluders
+            && !visibility.is_empty()
+        {
+            let swept = sweep(occluders, emitter.origin);
+            let answers = Answers::new(&swept, self.width);
+            let source = Source::new(self, Some(&answers));
+            let rows = visibility.samples_mut().par_chunks_mut(self.width);
+            let rows = rows.with_min_len(8).enumerate();
+            unseen = rows.map(|(y, row)| source.row(y, row)).sum();
         }
+        let pixels = (self.width * self.height).max(1);
+        Seen {
+            visibility,
+            unseen_path_fraction: unseen as f32 / pixels as f32,
+        }
+    }
+
+    /// [`Self::relight`] under a lamp that was `seen`; of each row, by its number, `sees` may change what it sees
+    /// of the lamp, and `sends` the light that it sends.
+    pub(super) fn relight_seen(
+        &self,
+        emitter: Emitter,
+        seen: Seen,
+        sees: impl Fn(usize, &mut [f32]) + Sync,
+        sends: impl Fn(usize, &mut [[f32; 3]]) + Sync,
+    ) -> Relit {
+        let mut relit = self.dark();
+        let source = Source::Known(&seen.visibility);
+        let shader = self.shader(emitter, Indirect::default(), &source);
+        relit.shadow = seen.visibility;
+        relit.unseen_path_fraction = seen.unseen_path_fraction;
+        let sees = |y: usize, row: &mut [f32]| {
+            sees(y, row);
+            0
+        };
+        let (light, shadow) = (&mut relit.light.0, &mut relit.shadow);
+        self.shade(&shader, (light, shadow), sees, sends);
+        relit
+    }
+
+    /// A lamp as the shader sees it, with the light that is bounced of what arrives.
+    fn shader(&self, emitter: Emitter, indirect: Indirect, source: &Source<'_>) -> ShaderLamp {
+        let mut shader = ShaderLamp {
+            emitter,
+            indirect: [0.0; 3],
+            shines: self.shines,
+        };
+        if indirect == Indirect::Obscurance && self.bounce > 0.0 {
+            shader.indirect = self.mean_sent(&shader, source);
+        }
+        shader
+    }
+
+    /// Shades row by row: `sees` puts how much of the lamp each pixel of a row sees where its shadow is to be, and
+    /// counts the ways that leave the frame; `sends` may change the row's light.
+    fn shade(
+        &self,
+        shader: &ShaderLamp,
+        (light, shadow): (&mut Plane<[f32; 3]>, &mut Plane<f32>),
+        sees: impl Fn(usize, &mut [f32]) -> usize + Sync,
+        sends: impl Fn(usize, &mut [[f32; 3]]) + Sync,
+    ) -> f32 {
         let unseen: usize = light
             .samples_mut()
-            .par_chunks_mut(self.width)
-            .zip(shadow.samples_mut().par_chunks_mut(self.width))
+            .par_chunks_mut(self.width.max(1))
+            .zip(shadow.samples_mut().par_chunks_mut(self.width.max(1)))
             .with_min_len(8)
             .enumerate()
             .map_init(
                 || vec![0.0f32; self.width],
                 |level, (y, (light, shadow))| {
-                    let unseen = source.row(y, shadow);
-                    if hard {
-                        for value in shadow.iter_mut() {
-                            *value = if *value > 0.5 { 1.0 } else { 0.0 };
-                        }
-                    }
+                    let unseen = sees(y, shadow);
                     let surface = self.surfaces.row(y, level);
-                    shade_row(&surface, &shader, shadow, light);
+                    shade_row(&surface, shader, shadow, light);
+                    sends(y, light);
                     unseen
                 },
             )
             .sum();
-        unseen as f32 / (self.width * self.height) as f32
-    }
-
-    /// Which pixels the lamp reaches, whatever way they face: 0 = blocked, 1 = clear, between =
-    /// probability; everything is clear where no shadows are cast.
-    pub fn visibility(&self, lamp: impl Into<Emitter>) -> Plane<f32> {
-        let mut plane = Plane::filled(self.width, self.height, 1.0);
-        if let Some(occluders) = &self.occluders
-            && !plane.is_empty()
-        {
-            let swept = sweep(occluders, lamp.into().origin);
-            let answers = Answers::new(&swept, self.width);
-            let source = Source::new(self, Some(&answers));
-            let rows = plane.samples_mut().par_chunks_mut(self.width).enumerate();
-            rows.for_each(|(y, row)| {
-                source.row(y, row);
-            });
-        }
-        plane
+        unseen as f32 / (self.width * self.height).max(1) as f32
     }
 
     /// The same scene with one share of the hemisphere blocked everywhere.
@@ -378,6 +443,8 @@ enum Source<'a> {
     AllLit,
     /// Straight from the lines.
     Lines(&'a Answers<'a>),
+    /// From what was answered before.
+    Known(&'a Plane<f32>),
     /// From a pinhole grid, through a lookup.
     Straightened {
         visibility: Plane<f32>,
@@ -416,6 +483,10 @@ impl<'a> Source<'a> {
                 0
             }
             Self::Lines(answers) => answers.row(y, out),
+            Self::Known(visibility) => {
+                out.copy_from_slice(visibility.row(y));
+                0
+            }
             Self::Straightened {
                 visibility,
                 unseen,

@@ -15,6 +15,7 @@ pub use feed::{Feed, Photograph};
 pub use grid::resampled;
 pub use paper::{Decomposed, Paper};
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
 use thiserror::Error;
@@ -43,15 +44,26 @@ impl Channels {
     /// Channels from a rule per pixel.
     pub(crate) fn from_pixels<const N: usize>(
         size: (usize, usize),
-        mut pixel: impl FnMut(usize) -> [f32; N],
+        pixel: impl Fn(usize) -> [f32; N] + Sync,
     ) -> Self {
-        let pixels = size.0 * size.1;
-        let mut samples = vec![0.0; N * pixels];
-        for index in 0..pixels {
-            for (channel, value) in pixel(index).into_iter().enumerate() {
-                samples[channel * pixels + index] = value;
+        let (width, height) = size;
+        let mut samples = vec![0.0; N * width * height];
+        let mut planes = samples.chunks_mut((width * height).max(1));
+        let mut planes: [_; N] =
+            std::array::from_fn(|_| planes.next().unwrap_or_default().chunks_mut(width.max(1)));
+        let row = |_| {
+            planes
+                .each_mut()
+                .map(|rows| rows.next().unwrap_or_default())
+        };
+        let rows: Vec<[&mut [f32]; N]> = (0..height).map(row).collect();
+        rows.into_par_iter().enumerate().for_each(|(y, mut row)| {
+            for x in 0..width {
+                for (plane, value) in row.iter_mut().zip(pixel(y * width + x)) {
+                    plane[x] = value;
+                }
             }
-        }
+        });
         Self {
             size,
             count: N,

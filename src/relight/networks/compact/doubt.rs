@@ -34,6 +34,6 @@ impl Doubt {
 
     /// Visibility with bodies thinner than guessed, and thicker, on that grid.
     pub fn others(&self, lamp: Emitter) -> [Plane<f32>; 2] {
-        [self.thin.visibility(lamp), self.thick.visibility(lamp)]
+        [&self.thin, &self.thick].map(|scene| scene.seen(lamp).visibility)
     }
 }

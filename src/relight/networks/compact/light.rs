@@ -4,24 +4,27 @@ use super::{
     super::{
         Channels, Network, NetworkError,
         grid::{nearest, resampled},
-        paper::{answers, plane},
+        paper::answers,
     },
-    DEPTH_GAIN, GRID, calmed,
+    DEPTH_GAIN, GRID,
     doubt::{Doubt, UNSHADOWED},
     doubt_of, finite,
     sight::median_depth,
+    told::Told,
 };
 use crate::{
-    relight::{Emitter, Origin, Prepared, RelightOptions, Relit},
+    relight::{
+        Blocked, Emitter, Origin, Preparation, Prepared, Relit, enlarge::Stretch, prepared::Seen,
+    },
     scene::Scene,
 };
 use drivers::Plane;
 use glam::{DVec2, Vec3};
 use rayon::prelude::*;
 
-/// Planes of [`Ground`], and of what the network is fed.
+/// Planes that change with the lamp, and those of [`Ground`] that do not.
+const LAMP_PLANES: usize = 10;
 const GROUND_PLANES: usize = 7;
-const LAMP_PLANES: usize = 10 + GROUND_PLANES;
 
 /// What the network of light is fed whatever the lamp.
 #[derive(Debug, Clone)]
@@ -34,29 +37,21 @@ pub struct Ground {
 }
 
 impl Ground {
-    /// Of a scene and what was made ready of it.
-    pub fn of(scene: &Scene, prepared: &Prepared) -> Self {
-        let size = GRID.within(scene.albedo.size());
-        let normal = resampled(&scene.normal, size);
-        let albedo = resampled(&scene.albedo, size);
-        let metres = nearest(&scene.depth_metres, size);
-        let sigma = nearest(&scene.depth_sigma_metres, size);
-        let (width, height) = prepared.size();
-        let blocked = prepared.surfaces.obscurance().to_vec();
-        let blocked = Plane::new(width, height, blocked).expect("one per pixel");
-        let blocked = resampled(&blocked, size);
-        let middle = median_depth(&metres);
-        let camera = scene.camera.scaled_to(size.0, size.1);
+    /// Of a scene on the network's grid, and the share of the hemisphere that is blocked.
+    fn of(scene: &Scene, blocked: &Plane<f32>) -> Self {
+        let size = scene.albedo.size();
+        let (metres, sigma) = (&scene.depth_metres, &scene.depth_sigma_metres);
+        let middle = median_depth(metres);
         let point = |index: usize| {
             let pixel = DVec2::new((index % size.0) as f64, (index / size.0) as f64);
-            let ray = camera.ray(pixel).map_or(Vec3::NAN, |ray| ray.as_vec3());
-            metres.samples()[index] * ray
+            let ray = scene.camera.ray(pixel);
+            metres.samples()[index] * ray.map_or(Vec3::NAN, |ray| ray.as_vec3())
         };
         let points = (0..size.0 * size.1).into_par_iter().map(point).collect();
         let planes = Channels::from_pixels(size, |index| {
-            let (z, normal) = (metres.samples()[index], normal.samples()[index]);
+            let (z, normal) = (metres.samples()[index], scene.normal.samples()[index]);
             let known = z.is_finite() && normal.is_finite();
-            if !(known && albedo.samples()[index][0].is_finite()) {
+            if !(known && scene.albedo.samples()[index][0].is_finite()) {
                 return [0.0; GROUND_PLANES];
             }
             [
@@ -92,14 +87,14 @@ impl Ground {
     }
 }
 
-/// The closed form's answer for one lamp of color 1, with what it is unsure of.
+/// What the closed form says of one lamp of color 1, with what it is unsure of.
 #[derive(Debug, Clone)]
 pub struct Swept {
-    /// As [`Prepared::relight`] gives it.
-    pub relit: Relit,
-    /// Visibility with bodies thinner than guessed, and thicker, on a grid of at least the network's size.
+    /// On the photograph's grid.
+    pub seen: Seen,
+    /// Visibility with bodies thinner than guessed, and thicker, on the network's grid.
     pub others: [Plane<f32>; 2],
-    /// Light straight from the lamp as if nothing stood in its way.
+    /// Light straight from the lamp as if nothing stood in its way, on the network's grid.
     pub direct: Plane<[f32; 3]>,
 }
 
@@ -108,14 +103,26 @@ pub struct Swept {
 pub struct Correction {
     ground: Ground,
     doubt: Doubt,
+    /// The surfaces alone, on the network's grid.
+    surfaces: Prepared,
 }
 
 impl Correction {
     /// Of a scene and what was made ready of it.
     pub fn of(scene: &Scene, prepared: &Prepared) -> Self {
+        let bare = Preparation {
+            shadows: false,
+            blocked: Blocked::Nothing,
+        };
+        let small = on_the_networks_grid(scene);
+        let (width, height) = prepared.size();
+        let blocked = prepared.surfaces.obscurance().to_vec();
+        let blocked = Plane::new(width, height, blocked).expect("one per pixel");
+        let blocked = resampled(&blocked, small.albedo.size());
         Self {
-            ground: Ground::of(scene, prepared),
+            ground: Ground::of(&small, &blocked),
             doubt: Doubt::of(prepared),
+            surfaces: Prepared::new(&small, bare),
         }
     }
 
@@ -127,15 +134,20 @@ impl Correction {
     /// The closed form under a white lamp that stands where `lamp` does: of color 1, or so bright where it is
     /// near that half of what is known gets more than 1.
     pub fn swept(&self, prepared: &Prepared, lamp: impl Into<Emitter>) -> Swept {
-        let lamp = lamp.into();
-        let white = Emitter {
+        let white = self.white(lamp.into());
+        let size = self.ground.planes.size;
+        let others = self.doubt.others(white);
+        Swept {
+            seen: prepared.seen(white),
+            others: others.each_ref().map(|plane| resampled(plane, size)),
+            direct: self.surfaces.relight(white, UNSHADOWED).light.0,
+        }
+    }
+
+    fn white(&self, lamp: Emitter) -> Emitter {
+        Emitter {
             color: [1.0 / self.ground.level(lamp); 3],
             ..lamp
-        };
-        Swept {
-            relit: prepared.relight(white, RelightOptions::default()),
-            others: self.doubt.others(white),
-            direct: prepared.relight(white, UNSHADOWED).light.0,
         }
     }
 
@@ -146,58 +158,33 @@ impl Correction {
         let lamp = lamp.into();
         let ground = &self.ground.planes;
         let size = ground.size;
-        let seen = resampled(&swept.relit.shadow, size);
-        let others = swept.others.each_ref().map(|plane| resampled(plane, size));
-        let direct = resampled(&swept.direct, size);
-        let toward = |index: usize, axis: usize| {
+        let seen = resampled(&swept.seen.visibility, size);
+        let others = &swept.others;
+        let known = ground.channel(GROUND_PLANES - 1);
+        let normal = [0, 1, 2].map(|axis| ground.channel(axis));
+        let mut given = Channels::from_pixels(size, |index| {
+            if known[index] <= 0.0 {
+                return [0.0; LAMP_PLANES];
+            }
             let toward = lamp.seen_from(self.ground.points[index]).0;
-            finite([toward.x, -toward.y, -toward.z][axis])
-        };
-        let pixels = size.0 * size.1;
-        let mut samples = vec![0.0; LAMP_PLANES * pixels];
-        samples
-            .par_chunks_mut(pixels)
-            .enumerate()
-            .for_each(|(plane, out)| {
-                let known = ground.channel(GROUND_PLANES - 1);
-                let seen = seen.samples();
-                let shares = |from: &[f32], out: &mut [f32]| {
-                    for ((out, share), known) in out.iter_mut().zip(from).zip(known) {
-                        *out = if *known > 0.0 { finite(*share) } else { 0.0 };
-                    }
-                };
-                match plane {
-                    0 => shares(seen, out),
-                    1 | 2 => shares(others[plane - 1].samples(), out),
-                    3 => {
-                        for axis in 0..3 {
-                            let normals = out.iter_mut().zip(ground.channel(axis)).enumerate();
-                            for (index, (out, normal)) in normals {
-                                *out += normal * toward(index, axis);
-                            }
-                        }
-                    }
-                    4..7 => {
-                        let light = direct.samples().iter().zip(seen).zip(known);
-                        for (out, ((light, seen), known)) in out.iter_mut().zip(light) {
-                            if *known > 0.0 {
-                                *out = (finite(light[plane - 4]) * finite(*seen)).clamp(0.0, 2.0);
-                            }
-                        }
-                    }
-                    7..10 => {
-                        for (index, (out, known)) in out.iter_mut().zip(known).enumerate() {
-                            *out = known * toward(index, plane - 7);
-                        }
-                    }
-                    _ => out.copy_from_slice(ground.channel(plane - 10)),
-                }
-            });
-        Channels {
-            size,
-            count: LAMP_PLANES,
-            samples,
-        }
+            let toward = [toward.x, -toward.y, -toward.z].map(finite);
+            let facing: f32 = (0..3).map(|axis| normal[axis][index] * toward[axis]).sum();
+            let lit = if facing > 0.0 {
+                finite(seen.samples()[index])
+            } else {
+                0.0
+            };
+            let [thin, thick] = others
+                .each_ref()
+                .map(|plane| finite(plane.samples()[index]));
+            let direct = swept.direct.samples()[index];
+            let [red, green, blue] = direct.map(|light| (finite(light) * lit).clamp(0.0, 2.0));
+            let [right, up, back] = toward;
+            [lit, thin, thick, facing, red, green, blue, right, up, back]
+        });
+        given.samples.extend_from_slice(&ground.samples);
+        given.count += ground.count;
+        given
     }
 
     /// The scene under one lamp.
@@ -217,33 +204,54 @@ impl Correction {
         let given = self.given(&swept, lamp);
         let wanted = [("weight", 1), ("shadow", 1), ("bounced", 3)];
         let [weight, shadow, bounced] = answers(network, &[("lamp", &given)], &wanted)?;
-        let size = prepared.size();
-        let one = |answer: &Channels| resampled(&plane::<1>(answer).map(|[value]| *value), size);
-        let (weight, told) = (one(&weight), one(&shadow));
-        let bounced = calmed(&plane::<3>(&bounced), size);
+        let share = |answer: Channels| -> Vec<f32> {
+            let samples = answer.samples.into_iter();
+            samples.map(|share| finite(share).clamp(0.0, 1.0)).collect()
+        };
+        let (weight, told) = (share(weight), share(shadow));
+        let bounced = Told::new(&bounced, prepared.size());
+        let width = prepared.size().0;
+        let stretch = Stretch::new(given.size, prepared.size());
         let albedo = prepared.surfaces.albedo();
-        let mut relit = swept.relit;
-        let pixels = relit.light.0.samples_mut().par_iter_mut();
-        let pixels = pixels.zip(relit.shadow.samples_mut()).with_min_len(4096);
-        pixels.enumerate().for_each(|(index, (light, shadow))| {
-            let weight = finite(weight.samples()[index]).clamp(0.0, 1.0);
-            let told = finite(told.samples()[index]).clamp(0.0, 1.0);
-            let direct = swept.direct.samples()[index];
-            // NaN stays NaN, and what is turned away stays dark.
-            let faces = direct.iter().sum::<f32>() > 0.0;
-            let step = if faces {
-                weight * (told - *shadow)
-            } else {
-                0.0
-            };
-            *shadow += step;
-            let bounced = bounced.samples()[index];
-            *light = std::array::from_fn(|c| {
-                let more = step * direct[c] + albedo[c][index] * finite(bounced[c]);
-                let sum = light[c] + more;
-                color[c] * if sum < 0.0 { 0.0 } else { sum }
-            });
-        });
-        Ok(relit)
+        let sees = |y: usize, seen: &mut [f32]| {
+            let mut between = Vec::new();
+            let [mut weights, mut tells] = [vec![0.0; width], vec![0.0; width]];
+            stretch.row(&weight, y, &mut between, &mut weights);
+            stretch.row(&told, y, &mut between, &mut tells);
+            for ((seen, weight), told) in seen.iter_mut().zip(weights).zip(tells) {
+                *seen += weight * (told - *seen);
+            }
+        };
+        let sends = |y: usize, light: &mut [[f32; 3]]| {
+            for (c, more) in bounced.row(y).into_iter().enumerate() {
+                let albedo = &albedo[c][y * width..];
+                for ((light, more), albedo) in light.iter_mut().zip(more).zip(albedo) {
+                    let sum = light[c] + albedo * more;
+                    // NaN stays NaN.
+                    light[c] = color[c] * if sum < 0.0 { 0.0 } else { sum };
+                }
+            }
+        };
+        Ok(prepared.relight_seen(self.white(lamp), swept.seen, sees, sends))
+    }
+}
+
+/// What is known of a scene on the network's grid: depth as it is at the middle of each pixel, as its mean over
+/// an edge is no surface, all else as means.
+fn on_the_networks_grid(scene: &Scene) -> Scene {
+    let size = GRID.within(scene.albedo.size());
+    Scene {
+        camera: scene.camera.scaled_to(size.0, size.1),
+        depth_metres: nearest(&scene.depth_metres, size),
+        depth_sigma_metres: nearest(&scene.depth_sigma_metres, size),
+        thickness_metres: nearest(&scene.thickness_metres, size),
+        normal: resampled(&scene.normal, size),
+        albedo: resampled(&scene.albedo, size),
+        roughness: resampled(&scene.roughness, size),
+        confidence: resampled(&scene.confidence, size),
+        scale_known: scene.scale_known,
+        flash_lit: scene.flash_lit,
+        material: scene.material,
+        shine: scene.shine.clone(),
     }
 }

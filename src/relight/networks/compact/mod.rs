@@ -8,18 +8,15 @@ mod doubt;
 mod light;
 mod sight;
 mod surfaces;
+mod told;
 
 pub use doubt::UNSHADOWED;
 pub use light::{Correction, Ground, Swept};
 pub use sight::{Sight, toward_camera};
 pub use surfaces::corrected;
 
-use super::{
-    Network, NetworkRecord,
-    grid::{Grid, resampled},
-};
-use crate::{relight::enlarge::Mix, scene::Scene};
-use drivers::Plane;
+use super::{Network, NetworkRecord, grid::Grid};
+use crate::scene::Scene;
 
 /// Both networks.
 pub struct Compact {
@@ -58,13 +55,6 @@ pub fn doubtful(scene: &Scene) -> f32 {
         count += 1.0;
     }
     (sum / count.max(1.0)) as f32
-}
-
-/// A slowly varying answer on a grid of `size`, without the pattern that a network's last layer, which works on
-/// half the picture's sides, leaves from pixel to pixel.
-fn calmed<T: Mix>(answer: &Plane<T>, size: (usize, usize)) -> Plane<T> {
-    let (width, height) = answer.size();
-    resampled(&resampled(answer, (width / 2, height / 2)), size)
 }
 
 /// NaN and infinities become 0: no network is fed what it could not learn from.

@@ -1,7 +1,9 @@
 //! Surfaces as a network corrects them.
 
-use super::super::{Channels, Network, NetworkError, paper::plane};
-use super::{calmed, finite};
+use super::{
+    super::{Channels, Network, NetworkError},
+    told::Told,
+};
 use crate::{relight::networks::paper::answers, scene::Scene};
 use glam::{DVec2, Vec3};
 use rayon::prelude::*;
@@ -28,43 +30,45 @@ pub fn corrected(
     let wanted = [("normal", 3), ("factor", 3), ("roughness", 1)];
     let [turns, factor, roughness] = answers(network, &[("sight", given)], &wanted)?;
     let size = scene.albedo.size();
-    let turns = calmed(&plane::<3>(&turns), size);
-    let factors = calmed(&plane::<3>(&factor), size);
-    let roughness = calmed(&plane::<1>(&roughness).map(|[value]| *value), size);
+    let turns = Told::new(&turns, size);
+    let factors = Told::new(&factor, size);
+    let told = Told::new(&roughness, size);
     let most = if scene.scale_known { 1.0 } else { f32::MAX };
     let mut out = scene.clone();
     let width = size.0.max(1);
-    let surfaces = out.albedo.samples_mut().par_iter_mut();
-    let surfaces = surfaces.zip(out.normal.samples_mut()).enumerate();
-    surfaces.for_each(|(index, (albedo, normal))| {
-        let pixel = DVec2::new((index % width) as f64, (index / width) as f64);
-        let Some(ray) = scene.camera.ray(pixel) else {
-            return;
-        };
-        let toward = -ray.as_vec3().normalize_or_zero();
-        let [right, up, near] = turns.samples()[index].map(finite);
-        let turned = (*normal + Vec3::new(right, -up, -near)).normalize_or_zero();
-        if normal.is_finite() && turned != Vec3::ZERO {
-            // Light that does not fall off as a flash's was not divided by a cosine.
-            if scene.flash_lit {
-                let cosine = |normal: Vec3| normal.dot(toward).max(LEAST_COSINE);
-                let anew = cosine(*normal) / cosine(turned);
-                *albedo = albedo.map(|value| value * anew);
+    let rows = out.albedo.samples_mut().par_chunks_mut(width);
+    let rows = rows.zip(out.normal.samples_mut().par_chunks_mut(width));
+    let rows = rows.zip(out.roughness.samples_mut().par_chunks_mut(width));
+    rows.enumerate()
+        .for_each(|(y, ((albedos, normals), roughnesses))| {
+            let [turns, factors, told] = [&turns, &factors, &told].map(|told| told.row(y));
+            for x in 0..width {
+                let Some(ray) = scene.camera.ray(DVec2::new(x as f64, y as f64)) else {
+                    continue;
+                };
+                let toward = -ray.as_vec3().normalize_or_zero();
+                let (albedo, normal) = (&mut albedos[x], &mut normals[x]);
+                let [right, up, near] = [0, 1, 2].map(|axis| turns[axis][x]);
+                let turned = (*normal + Vec3::new(right, -up, -near)).normalize_or_zero();
+                if normal.is_finite() && turned != Vec3::ZERO {
+                    // Light that does not fall off as a flash's was not divided by a cosine.
+                    if scene.flash_lit {
+                        let cosine = |normal: Vec3| normal.dot(toward).max(LEAST_COSINE);
+                        let anew = cosine(*normal) / cosine(turned);
+                        *albedo = albedo.map(|value| value * anew);
+                    }
+                    *normal = turned;
+                }
+                // Not `min`, which would make something known of NaN.
+                *albedo = std::array::from_fn(|c| {
+                    let value = albedo[c] * factors[c][x].exp();
+                    if value > most { most } else { value }
+                });
+                let roughness = &mut roughnesses[x];
+                if !roughness.is_nan() {
+                    *roughness = told[0][x].clamp(SMOOTHEST, 1.0);
+                }
             }
-            *normal = turned;
-        }
-        let factors = factors.samples()[index];
-        // Not `min`, which would make something known of NaN.
-        *albedo = std::array::from_fn(|c| {
-            let value = albedo[c] * finite(factors[c]).exp();
-            if value > most { most } else { value }
         });
-    });
-    let roughnesses = out.roughness.samples_mut().iter_mut();
-    for (value, found) in roughnesses.zip(roughness.samples()) {
-        if !value.is_nan() {
-            *value = finite(*found).clamp(SMOOTHEST, 1.0);
-        }
-    }
     Ok(out)
 }
