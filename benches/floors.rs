@@ -216,7 +216,7 @@ fn stages(size: (usize, usize), threads: usize, paces: &Paces, runtime: Option<&
         Floor::Operations(1.77e9 * network_share(working)),
         &mut || {
             developed
-                .refine(&shot, compact.surfaces.as_ref(), options.prepare)
+                .refine(&shot, compact.surfaces.as_ref())
                 .expect("an answer");
         },
     );
