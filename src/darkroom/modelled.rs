@@ -114,15 +114,18 @@ pub(super) fn modelled(
         }
         _ => None,
     };
-    let surfaces = match (order.answering, &networks) {
-        (Answering::Compact(compact), _) | (_, Some(compact)) => Some(&compact.surfaces),
+    let compact = match (order.answering, &networks) {
+        (Answering::Compact(compact), _) | (_, Some(compact)) => Some(compact),
         _ => None,
     };
-    let model = match surfaces {
-        Some(surfaces) => {
+    let model = match compact {
+        Some(compact) => {
             clock.begin("correct surfaces");
             observe("correcting surfaces with a network");
-            model.refined(shot, surfaces.as_ref())?
+            let surfaces = glance
+                .asks_for_surfaces()
+                .then(|| compact.surfaces.as_ref());
+            model.refined(shot, surfaces)?
         }
         None => model,
     };

@@ -116,7 +116,10 @@ impl Method for Ours {
         let mut model = model.map_err(failed)?;
         let networks = networks.filter(|_| plan.terms.shadow == Shadow::Network);
         if let Some(networks) = networks {
-            model = model.refined(shot, networks.surfaces.as_ref())?;
+            let surfaces = glance
+                .asks_for_surfaces()
+                .then(|| networks.surfaces.as_ref());
+            model = model.refined(shot, surfaces)?;
         }
         let chosen = Chosen {
             terms: plan.terms,

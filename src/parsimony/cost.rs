@@ -164,11 +164,8 @@ impl CostModel {
         if terms.shadow == Shadow::Network {
             let own = grid.min(MOST_PIXELS);
             lamp += self.light_network.at(own) + self.correction.at(grid);
-            // Corrected surfaces are made ready once more.
+            // Thinner and thicker slabs are made ready too.
             shot += self.network_load_ms + self.surfaces_network.at(own) + self.slabs.at(grid);
-            if terms.indirect == Bounced::Predicted {
-                shot += self.obscurance.at(grid);
-            }
         }
         if factor > 1 {
             shot += self.reduce.at(work.pixels);

@@ -81,6 +81,8 @@ pub struct Glance {
     pub material: Scores,
     /// Mean share of the hemisphere that the scene blocks, [0, 1].
     pub blocked: f32,
+    /// What the compact network of surfaces is expected to mend, as [`Changes`]; its light's is in them.
+    pub surfaces: f32,
 }
 
 impl Glance {
@@ -98,6 +100,7 @@ impl Glance {
             depth: Scores::default(),
             material: Scores::default(),
             blocked: 0.08,
+            surfaces: 0.008,
         }
     }
 
@@ -115,7 +118,14 @@ impl Glance {
             depth: Scores::default(),
             material: Scores::default(),
             blocked: 0.0,
+            surfaces: f32::INFINITY,
         }
+    }
+
+    /// Whether what the compact network of surfaces mends is seen; where depth is hardly in doubt, only that of light is
+    /// worth asking.
+    pub fn asks_for_surfaces(&self) -> bool {
+        self.surfaces > self.tolerance
     }
 
     /// Looks at the shot. `flash_only` is its light.
@@ -201,18 +211,19 @@ impl Glance {
         let even = prepared.evenly_blocked(blocked);
         let shine = scene.shine.clone().unwrap_or_default();
         let shadows = changed(&pictures(&prepared, unshadowed));
-        let mended = (CORRECTED * doubtful(&scene)).hypot(UNSEEN_SHARE * shadows);
+        let surfaces = CORRECTED * doubtful(&scene);
         Ok(Self {
             tolerance,
             changes: Changes {
                 geometry,
                 material,
-                shadow: [shadows, mended],
+                shadow: [shadows, surfaces.hypot(UNSEEN_SHARE * shadows)],
                 indirect: [changed(&direct), changed(&pictures(&even, all))],
             },
             depth,
             material: material_scores(&shine),
             blocked,
+            surfaces,
         })
     }
 }

@@ -50,7 +50,7 @@ pub struct Model {
     pub depth_left_out: bool,
     /// The photograph and how answers lean on it, where they do.
     leaning: Option<(LinearImage, f32)>,
-    /// What a network corrects its light by, where surfaces were refined.
+    /// What a network corrects its light by, where the model was refined.
     correction: Option<Box<Correction>>,
 }
 
@@ -141,14 +141,20 @@ impl Model {
         Ok(model)
     }
 
-    /// The same with its surfaces corrected by the compact network `surfaces`; [`Self::relight`] is then to
-    /// be given the compact network of light. `shot` is the one that was developed.
+    /// The same with its surfaces corrected by the compact network `surfaces`, or as they are without one;
+    /// [`Self::relight`] is then to be given the compact network of light. `shot` is the one that was developed.
     ///
     /// # Errors
     /// [`NetworkError`] of the network.
-    pub fn refined(mut self, shot: &Shot, surfaces: &dyn Network) -> Result<Self, NetworkError> {
+    pub fn refined(
+        mut self,
+        shot: &Shot,
+        surfaces: Option<&dyn Network>,
+    ) -> Result<Self, NetworkError> {
         let development = &mut self.development;
-        development.refine(shot, surfaces)?;
+        if let Some(surfaces) = surfaces {
+            development.refine(shot, surfaces)?;
+        }
         let correction = Correction::of(&development.scene, &development.prepared);
         self.correction = Some(Box::new(correction));
         Ok(self)
@@ -160,7 +166,7 @@ impl Model {
     }
 
     /// The photograph under a lamp, distant or near, at its own size. Without a `network` swept shadows stay as they are;
-    /// it is the compact one of light, for surfaces that were [refined](Self::refined).
+    /// it is the compact one of light, for a model that was [refined](Self::refined).
     ///
     /// # Errors
     /// [`NetworkError`] of the network.

@@ -28,7 +28,8 @@ pub enum Shadow {
     None,
     /// Those of the depth's own slabs.
     Swept,
-    /// The same; the compact networks correct them, and surfaces and bounced light with them.
+    /// The same; a compact network corrects them and bounced light, and another the surfaces as far as their depth is in
+    /// doubt.
     Network,
 }
 
@@ -116,7 +117,7 @@ impl fmt::Display for Terms {
         let shadow = match self.shadow {
             Shadow::None => "no cast shadow",
             Shadow::Swept => "swept shadows",
-            Shadow::Network => "swept shadows, surfaces and light corrected by networks",
+            Shadow::Network => "swept shadows, light and doubtful surfaces corrected by networks",
         };
         let indirect = match self.indirect {
             Bounced::None => "no bounced light",
