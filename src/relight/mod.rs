@@ -14,6 +14,7 @@ mod obscurance;
 mod pinhole;
 pub mod prepared;
 pub mod shading;
+mod source;
 mod surfaces;
 pub mod visibility;
 
