@@ -3,7 +3,7 @@
 
 use captured::{
     api::{Fault, FaultKind},
-    commands::{CommandLine, outlive_file_size_limit, with_huge_pages},
+    commands::{CommandLine, outlive_file_size_limit},
 };
 use clap::Parser;
 use miette::{GraphicalReportHandler, MietteDiagnostic, Severity};
@@ -13,7 +13,6 @@ use std::{
 };
 
 fn main() -> ExitCode {
-    with_huge_pages();
     // Without it a limit on file sizes ends the process where it stands, as it does for most.
     drop(outlive_file_size_limit());
     let command_line = match CommandLine::try_parse() {

@@ -2,7 +2,7 @@
 #![forbid(unsafe_code)]
 
 use captured::{
-    commands::{DaemonArguments, outlive_file_size_limit, with_huge_pages},
+    commands::{DaemonArguments, outlive_file_size_limit},
     config::Config,
     daemon::{Listeners, Signs, bind, serve},
 };
@@ -31,7 +31,6 @@ const FAREWELL: Duration = Duration::from_secs(1);
 const USUAL_PERIOD: Duration = Duration::from_secs(5);
 
 fn main() -> miette::Result<()> {
-    with_huge_pages();
     speak();
     let arguments = DaemonArguments::parse();
     outlive_file_size_limit()

@@ -17,7 +17,6 @@ mod eval;
 mod export;
 mod film;
 mod fsck;
-mod huge_pages;
 mod import;
 mod inference;
 mod info;
@@ -40,7 +39,6 @@ pub use answer::Answer;
 pub use client::{Client, ClientError};
 pub use daemon_arguments::DaemonArguments;
 pub use error::CommandError;
-pub use huge_pages::with_huge_pages;
 
 use crate::config::{Config, ConfigError};
 use clap::{Parser, Subcommand};
