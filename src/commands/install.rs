@@ -99,7 +99,7 @@ impl Install {
             .map(|path| path.display().to_string())
             .collect();
         lines.push(
-            "next: systemd-sysusers && systemd-tmpfiles --create && udevadm control --reload && systemctl daemon-reload && systemctl enable --now captured.socket captured.service (and captured-viewer.socket for the page)"
+            "next: systemd-sysusers && systemd-tmpfiles --create && udevadm control --reload && systemctl daemon-reload && systemctl enable --now captured.socket captured.service; for the page, systemctl enable captured-viewer.socket && systemctl restart captured.service"
                 .to_owned(),
         );
         Ok(Answer::new(
