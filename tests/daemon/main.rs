@@ -19,6 +19,16 @@ use std::{
 /// Longest wait for anything a daemon should do at once. Reached only by a broken one.
 pub const PATIENCE: Duration = Duration::from_secs(60);
 
+/// A program under test: as the tests were built, or, for measurements, of the folder that
+/// `CAPTURED_PROGRAMS` names.
+fn program(name: &str) -> PathBuf {
+    match (std::env::var_os("CAPTURED_PROGRAMS"), name) {
+        (Some(folder), _) => PathBuf::from(folder).join(name),
+        (None, "captured") => env!("CARGO_BIN_EXE_captured").into(),
+        (None, _) => env!("CARGO_BIN_EXE_capturectl").into(),
+    }
+}
+
 /// A running daemon with folders of its own; stopped when dropped.
 pub struct Daemon {
     /// Holds the socket, the state and whatever a test writes.
@@ -81,7 +91,7 @@ impl Daemon {
     }
 
     fn command(folder: &tempfile::TempDir, devices: &[String]) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_captured"));
+        let mut command = Command::new(program("captured"));
         command.env("XDG_CACHE_HOME", env!("CARGO_TARGET_TMPDIR"));
         command
             .args(devices.iter().flat_map(|device| ["--device", device]))
@@ -231,7 +241,7 @@ impl Daemon {
 
     /// Runs `capturectl` where it finds this daemon; returns exit code, output and messages.
     pub fn capturectl(&self, arguments: &[&str]) -> (Option<i32>, String, String) {
-        let output = Command::new(env!("CARGO_BIN_EXE_capturectl"))
+        let output = Command::new(program("capturectl"))
             .env("XDG_CACHE_HOME", env!("CARGO_TARGET_TMPDIR"))
             .args(arguments)
             .current_dir(self.folder.path())

@@ -20,10 +20,13 @@ fn percentile(times: &mut [f64], percent: usize) -> f64 {
     times[(times.len() * percent).div_ceil(100) - 1]
 }
 
-fn build() -> &'static str {
-    match cfg!(debug_assertions) {
-        true => "development build",
-        false => "release build",
+/// Of which profile the programs are: cargo names folders so.
+fn build() -> String {
+    let programs = crate::program("captured");
+    match programs.parent().and_then(|folder| folder.file_name()) {
+        Some(debug) if debug == "debug" => "development build".to_owned(),
+        Some(profile) => format!("{} build", profile.to_string_lossy()),
+        None => panic!("{} lies in no folder", programs.display()),
     }
 }
 
@@ -126,7 +129,8 @@ fn measured_memory_while_shots_of_12_megapixels_are_relit_and_looked_at() {
     assert_eq!(looked.0, 200);
     let mebi = |bytes: u64| bytes as f64 / f64::from(1 << 20);
     eprintln!(
-        "figure | most memory while 3 shots of 12 MP are relit, one is viewed in full and somebody looks | {:.0} MiB (idle {:.1})",
+        "figure | most memory while 3 shots of 12 MP are relit, one is viewed in full and somebody looks, {} | {:.0} MiB (idle {:.1})",
+        build(),
         mebi(daemon.peak_bytes()),
         mebi(idle)
     );
