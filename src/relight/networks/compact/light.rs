@@ -182,6 +182,8 @@ impl Correction {
             let [right, up, back] = toward;
             [lit, thin, thick, facing, red, green, blue, right, up, back]
         });
+        // No more than it needs: it is the largest of all that a lamp takes.
+        given.samples.reserve_exact(ground.samples.len());
         given.samples.extend_from_slice(&ground.samples);
         given.count += ground.count;
         given
