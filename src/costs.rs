@@ -400,7 +400,7 @@ mod tests {
         let file = folder.path().join("new/costs.toml");
         let first = known(Some(&file), None).unwrap();
         assert!(first.costs.is_usable() && first.warning.is_none());
-        assert!(first.costs.shape.at(1_000_000) > 0.0 && first.costs.lamp.at(1_000_000) > 0.0);
+        assert!(first.costs.flat.at(1_000_000) > 0.0 && first.costs.lamp.at(1_000_000) > 0.0);
         // Kept to the digit; two measurements never agree so.
         assert_eq!(known(Some(&file), None).unwrap(), first);
         fs::write(&file, "format = 1\nthreads = -3").unwrap();
@@ -412,8 +412,8 @@ mod tests {
     fn shots_that_take_longer_make_the_next_ones_expected_to() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("costs.toml");
-        let measured = known(Some(&file), None).unwrap().costs.shape.at(1_000_000);
-        let expected = || known(Some(&file), None).unwrap().costs.shape.at(1_000_000);
+        let measured = known(Some(&file), None).unwrap().costs.flat.at(1_000_000);
+        let expected = || known(Some(&file), None).unwrap().costs.flat.at(1_000_000);
         for _ in 0..24 {
             // A machine three times as slow as it was, whatever is expected of it.
             learn(&file, 10.0 * expected() / measured, 30.0);
