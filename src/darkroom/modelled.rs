@@ -120,11 +120,15 @@ pub(super) fn modelled(
     };
     let model = match compact {
         Some(compact) => {
-            clock.begin("correct surfaces");
-            observe("correcting surfaces with a network");
-            let surfaces = glance
-                .asks_for_surfaces()
-                .then(|| compact.surfaces.as_ref());
+            let surfaces = if glance.asks_for_surfaces() {
+                clock.begin("correct surfaces");
+                observe("correcting surfaces with a network");
+                Some(compact.surfaces.as_ref())
+            } else {
+                clock.begin("prepare correction");
+                observe("preparing what a network says of light");
+                None
+            };
             model.refined(shot, surfaces)?
         }
         None => model,

@@ -14,8 +14,6 @@ const COARSER: [usize; 6] = [1, 2, 3, 4, 6, 8];
 
 /// Share of all time that the largest change must save to be worth it.
 const WORTH: f64 = 0.5;
-/// One roughness for all must save this share of all time.
-const NEGLIGIBLE: f64 = 0.02;
 
 /// What decides that a term may go.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -95,29 +93,15 @@ impl Plan {
             let change = f64::from(share.min(1.0));
             time + WORTH * change * change
         };
-        let best = plans(network, work)
+        // A look at few pixels misses the spark that spoils one roughness for all, and takes a whole thing for as shiny as
+        // its shiniest spot: a photographed pig lost 14 dB. Only samples, or a budget, may ask for it.
+        let looked = criterion == Criterion::Visible;
+        plans(network, work)
+            .filter(|(terms, _)| !(looked && terms.material == Material::OneRoughness))
             .map(|(terms, factor)| Self::of(terms, factor, glance, costs, work))
             .filter(|plan| plan.factor <= 2 * base_factor(work) && allowed(plan))
-            .min_by(|a, b| worth(a).total_cmp(&worth(b)));
-        let Some(best) = best else {
-            return everything;
-        };
-        if best.terms.material != Material::OneRoughness {
-            return best;
-        }
-        let terms = Terms {
-            material: Material::Varying,
-            ..best.terms
-        };
-        let varying = Self::of(terms, best.factor, glance, costs, work);
-        // A look at few pixels misses the spark that spoils it, and takes a whole thing for as shiny as its shiniest
-        // spot: a photographed pig lost 14 dB. Only samples, or a budget, may ask for it.
-        let looked = criterion == Criterion::Visible;
-        if looked || worth(&varying) <= worth(&best) + NEGLIGIBLE {
-            varying
-        } else {
-            best
-        }
+            .min_by(|a, b| worth(a).total_cmp(&worth(b)))
+            .unwrap_or(everything)
     }
 
     /// The plan of the least change that takes no longer than `budget_ms`; the cheapest one where

@@ -8,6 +8,8 @@ use rayon::prelude::*;
 const PIXELS: usize = 100_000;
 /// Light under this share of the picture's median is dark: nothing is read off it.
 const DARK: f32 = 0.02;
+/// Depth that is so far, in natural logarithms, from what was understood of it is looked at as that.
+const LOUD: f32 = 0.004;
 
 /// Light and depth of a shot on one grid, every `stride`-th pixel of the working grid.
 pub(super) struct Look<'a> {
@@ -19,7 +21,8 @@ pub(super) struct Look<'a> {
     pub stride: usize,
     /// Natural logarithm of the flash's light, mean of the channels; NaN = dark, unknown or masked.
     pub light: Plane<f32>,
-    /// Depth as it came where it came on the photograph's grid, else as registered; NaN = unknown.
+    /// Depth as it came where it came on the photograph's grid, else as registered, or, where it is so noisy that
+    /// steps of noise would be taken for those of things, as it was understood; NaN = unknown.
     pub metres: Plane<f32>,
     /// Infrared amplitude; `None` where none came.
     pub amplitude: Option<Thinned<'a, f32>>,
@@ -56,7 +59,7 @@ impl<'a> Look<'a> {
             Some(_) => (&registered.metres, registered.amplitude.as_ref()),
         };
         let depth = Thinned::of(depth, size);
-        let metres = by_rows(size, |x, y| {
+        let mut metres = by_rows(size, |x, y| {
             let z = *depth.at(x, y);
             if z > 0.0 && z.is_finite() && counts(x, y) {
                 z
@@ -64,6 +67,15 @@ impl<'a> Look<'a> {
                 f32::NAN
             }
         });
+        let understood =
+            |x: usize, y: usize| development.scene.depth_metres[(x * stride, y * stride)];
+        let noise = by_rows(size, |x, y| (metres[(x, y)] / understood(x, y)).ln().abs());
+        if median(&noise, 7).is_some_and(|noise| noise > LOUD) {
+            metres = by_rows(size, |x, y| {
+                let z = metres[(x, y)];
+                if z.is_nan() { z } else { understood(x, y) }
+            });
+        }
         let amplitude = amplitude.map(|plane| Thinned::of(plane, size));
         Self {
             shot,

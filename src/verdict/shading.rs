@@ -52,7 +52,9 @@ pub(super) struct Shading {
 #[derive(Debug, Clone, Copy)]
 struct Ratios {
     counts: [u32; BINS],
-    /// Pairs, also those with a ratio beyond the ends or under 0.
+    /// Those of pairs that count by chance alone.
+    by_chance: [u32; BINS],
+    /// All pairs, also those with a ratio beyond the ends or under 0.
     pairs: u32,
 }
 
@@ -60,6 +62,7 @@ impl Default for Ratios {
     fn default() -> Self {
         Self {
             counts: [0; BINS],
+            by_chance: [0; BINS],
             pairs: 0,
         }
     }
@@ -68,28 +71,41 @@ impl Default for Ratios {
 impl Ratios {
     fn add(&mut self, told: f32, light: f32) {
         self.pairs += 1;
-        let place = ((light / told).ln() / SPAN + 1.0) * 0.5 * BINS as f32;
-        // Nor NaN, of light that changes the other way.
-        if place >= 0.0 && place < BINS as f32 {
-            self.counts[place as usize] += 1;
+        if let Some(place) = place(told, light) {
+            self.counts[place] += 1;
+        }
+    }
+
+    fn add_by_chance(&mut self, told: f32, light: f32) {
+        self.pairs += 1;
+        if let Some(place) = place(told, light) {
+            self.by_chance[place] += 1;
         }
     }
 
     fn merged(self, other: Self) -> Self {
+        let sums = |a: [u32; BINS], b: [u32; BINS]| std::array::from_fn(|i| a[i] + b[i]);
         Self {
-            counts: std::array::from_fn(|i| self.counts[i] + other.counts[i]),
+            counts: sums(self.counts, other.counts),
+            by_chance: sums(self.by_chance, other.by_chance),
             pairs: self.pairs + other.pairs,
         }
     }
 
+    /// What is left of the counts without what chance adds to them.
+    fn sure(&self) -> [u32; BINS] {
+        std::array::from_fn(|i| self.counts[i].saturating_sub(self.by_chance[i]))
+    }
+
     fn count(&self) -> u32 {
-        self.counts.iter().sum()
+        self.sure().iter().sum()
     }
 
     /// The most frequent ratio, as a logarithm, and the share of the pairs that have it: surfaces of one
     /// color all do, borders of colors have any, noise has all.
     fn mode(&self) -> (f32, f32) {
-        let around = |i: usize| &self.counts[i.saturating_sub(2)..(i + 3).min(BINS)];
+        let counts = self.sure();
+        let around = |i: usize| &counts[i.saturating_sub(2)..(i + 3).min(BINS)];
         let weight = |i: usize| around(i).iter().sum::<u32>();
         let best = (0..BINS).max_by_key(|&i| weight(i)).unwrap_or(BINS / 2);
         let first = best.saturating_sub(2);
@@ -102,6 +118,12 @@ impl Ratios {
         let share = weight(best) as f32 / self.pairs.max(1) as f32;
         ((2.0 * place / BINS as f32 - 1.0) * SPAN, share)
     }
+}
+
+/// Where a ratio is counted; `None` beyond the ends, and of light that changes the other way.
+fn place(told: f32, light: f32) -> Option<usize> {
+    let place = ((light / told).ln() / SPAN + 1.0) * 0.5 * BINS as f32;
+    (place >= 0.0 && place < BINS as f32).then_some(place as usize)
 }
 
 /// Logarithms at one pixel; NaN = unknown.
@@ -207,11 +229,54 @@ fn row(points: &Plane<Point>, y: usize, apart: usize) -> (Ratios, Ratios) {
                 geometry.add(shaded, light);
             }
             let told = there.amplitude - here.amplitude;
-            // What depth does not explain is a pattern, whose infrared is its own.
-            if tells(told) && (told - shaded).abs() < EXPLAINED * told.abs() {
+            // What depth does not explain is a pattern, whose infrared is its own. Depth that is noisy explains as much of it
+            // by chance as it explains the wrong way round.
+            let explains = |shaded: f32| (told - shaded).abs() < EXPLAINED * told.abs();
+            if tells(told) && explains(shaded) {
                 infrared.add(told, light);
+            } else if tells(told) && explains(-shaded) {
+                infrared.add_by_chance(told, light);
             }
         }
     }
     (geometry, infrared)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use drivers::chance::Chance;
+
+    /// What is found where infrared shows a pattern, light 0.6 times as much of it, and depth `explains` that share of it,
+    /// all else of depth being noise.
+    fn pattern(explains: f32) -> Finding {
+        let chance = Chance::new(9);
+        let mut points = Plane::filled(128, 128, Point::default());
+        for (i, point) in points.samples_mut().iter_mut().enumerate() {
+            let [pattern, noise] = [2 * i, 2 * i + 1].map(|i| 0.15 * chance.normal(i as u64));
+            *point = Point {
+                light: 0.6 * pattern,
+                tint: 0.0,
+                metres: 1.0,
+                falloff: explains * pattern + (1.0 - explains) * noise,
+                amplitude: pattern,
+            };
+        }
+        let rows = (0..128).map(|y| row(&points, y, 2));
+        let (geometry, infrared) = rows.fold(<(Ratios, Ratios)>::default(), |a, b| {
+            (a.0.merged(b.0), a.1.merged(b.1))
+        });
+        Shading {
+            geometry,
+            infrared,
+            flash_lit: true,
+        }
+        .wrong_transfer()
+    }
+
+    #[test]
+    fn a_pattern_that_noise_explains_by_chance_is_no_wrong_curve() {
+        assert!(!pattern(0.0).is_harmful());
+        assert!(pattern(0.9).is_harmful());
+    }
 }

@@ -167,6 +167,15 @@ fn a_step_that_the_photograph_lacks_is_distrusted() {
 }
 
 #[test]
+fn steps_of_loud_noise_are_no_mirror() {
+    let chance = Chance::new(3);
+    let loud = |x, y, z: f32| z * (1.0 + 0.08 * chance.normal((y * SIDE + x) as u64));
+    let verdict = judged(&wall((SIDE, SIDE), |_, _, light| light, loud));
+    let score = verdict.score("mirror");
+    assert!(score < 0.5, "{score}");
+}
+
+#[test]
 fn lamps_that_pulse_are_told_from_lamps_that_do_not() {
     let lit = |swing: f32| {
         let pulse = move |y: usize| {

@@ -90,6 +90,8 @@ impl Ground {
 /// What the closed form says of one lamp of color 1, with what it is unsure of.
 #[derive(Debug, Clone)]
 pub struct Swept {
+    /// The lamp, white and so bright as it was asked of.
+    white: Emitter,
     /// On the photograph's grid.
     pub seen: Seen,
     /// Visibility with bodies thinner than guessed, and thicker, on the network's grid.
@@ -134,20 +136,18 @@ impl Correction {
     /// The closed form under a white lamp that stands where `lamp` does: of color 1, or so bright where it is
     /// near that half of what is known gets more than 1.
     pub fn swept(&self, prepared: &Prepared, lamp: impl Into<Emitter>) -> Swept {
-        let white = self.white(lamp.into());
+        let lamp = lamp.into();
+        let white = Emitter {
+            color: [1.0 / self.ground.level(lamp); 3],
+            ..lamp
+        };
         let size = self.ground.planes.size;
         let others = self.doubt.others(white);
         Swept {
+            white,
             seen: prepared.seen(white),
             others: others.each_ref().map(|plane| resampled(plane, size)),
             direct: self.surfaces.relight(white, UNSHADOWED).light.0,
-        }
-    }
-
-    fn white(&self, lamp: Emitter) -> Emitter {
-        Emitter {
-            color: [1.0 / self.ground.level(lamp); 3],
-            ..lamp
         }
     }
 
@@ -200,9 +200,8 @@ impl Correction {
         network: &dyn Network,
     ) -> Result<Relit, NetworkError> {
         let lamp = lamp.into();
-        let level = self.ground.level(lamp);
-        let color = lamp.color.map(|color| color * level);
         let swept = self.swept(prepared, lamp);
+        let color: [f32; 3] = std::array::from_fn(|c| lamp.color[c] / swept.white.color[c]);
         let given = self.given(&swept, lamp);
         let wanted = [("weight", 1), ("shadow", 1), ("bounced", 3)];
         let [weight, shadow, bounced] = answers(network, &[("lamp", &given)], &wanted)?;
@@ -234,7 +233,7 @@ impl Correction {
                 }
             }
         };
-        Ok(prepared.relight_seen(self.white(lamp), swept.seen, sees, sends))
+        Ok(prepared.relight_seen(swept.white, swept.seen, sees, sends))
     }
 }
 
