@@ -59,6 +59,7 @@ impl Pair {
         let halved = |light: &Plane<[f32; 3]>| halved(light, stride, size);
         let (flash, room) = rayon::join(|| halved(&flash.0), || halved(&room.0));
         pair.room_to_flash = room_to_flash(look, &flash, &room);
+        let (flash, room) = (logarithm(&flash), logarithm(&room));
         pair.swing = swing(&flash, &room);
         pair.moved = pair.moved.max(moved(&flash, &room));
         pair
@@ -106,8 +107,8 @@ impl Pair {
     }
 }
 
-/// Logarithm of the light's mean over squares of `stride` pixels; NaN = dark or unknown. Channels weigh
-/// differently, or surfaces that differ in color alone would look alike.
+/// The light's mean over squares of `stride` pixels; NaN = unknown. Channels weigh differently, or surfaces
+/// that differ in color alone would look alike.
 fn halved(light: &Plane<[f32; 3]>, stride: usize, (width, height): (usize, usize)) -> Plane<f32> {
     let rows: Vec<Vec<f32>> = (0..height)
         .into_par_iter()
@@ -122,15 +123,15 @@ fn halved(light: &Plane<[f32; 3]>, stride: usize, (width, height): (usize, usize
                 }
             }
             let area = (6 * stride * stride) as f32;
-            sums.iter().map(|sum| (sum / area).max(0.0).ln()).collect()
+            sums.iter().map(|sum| sum / area).collect()
         })
         .collect();
-    let samples = rows
-        .concat()
-        .iter()
-        .map(|v| if v.is_finite() { *v } else { f32::NAN })
-        .collect();
-    Plane::new(width, height, samples).unwrap_or_default()
+    Plane::new(width, height, rows.concat()).unwrap_or_default()
+}
+
+/// Logarithm of light; NaN = dark or unknown.
+fn logarithm(light: &Plane<f32>) -> Plane<f32> {
+    light.map(|value| if *value > 0.0 { value.ln() } else { f32::NAN })
 }
 
 /// Median of the room's light over the flash's, of what the flash lights.
@@ -143,9 +144,14 @@ fn room_to_flash(look: &Look<'_>, flash: &Plane<f32>, room: &Plane<f32>) -> f32 
             look.light[at].is_finite() && look.metres[at].is_finite()
         })
         .map(|index| {
-            let room = room.samples()[index].exp();
-            let flash = flash.samples()[index].exp() - room;
-            if flash > 0.0 { room / flash } else { BEYOND }
+            // Under its own noise a dark room may seem darker than black; unknown = it clips.
+            let room = room.samples()[index];
+            let flash = flash.samples()[index] - room;
+            if flash > 0.0 {
+                room.max(0.0) / flash
+            } else {
+                BEYOND
+            }
         });
     quantile(ratios.collect(), 0.5).unwrap_or(0.0)
 }

@@ -205,6 +205,26 @@ fn lamps_that_pulse_are_told_from_lamps_that_do_not() {
 }
 
 #[test]
+fn a_room_without_light_is_dark_and_one_that_outshines_the_flash_is_bright() {
+    let times = |room: f32| {
+        let mut shot = wall((SIDE, SIDE), |_, _, light| light + room, as_it_is);
+        shot.ambient = vec![ColorFrame {
+            at: Timestamp::from_nanos(0),
+            sequence: 0,
+            light: Illumination::Ambient,
+            pixels: Pixels::RgbF32(Plane::filled(SIDE, SIDE, [room; 3])),
+            ..shot.flash.clone()
+        }];
+        found(&shot, "bright-ambient").score
+    };
+    let [dark, dim, bright] = [0.0, 0.05, 0.7].map(times);
+    assert!(
+        dark == 0.0 && dim > 0.0 && dim < 1.0 && bright > 1.0,
+        "{dark} {dim} {bright}"
+    );
+}
+
+#[test]
 fn hostile_shots_have_finite_findings_and_a_verdict_is_a_pure_function() {
     let lone = |x, y, z| if (x, y) == (0, 0) { z } else { f32::NAN };
     let specks = |x: usize, y: usize, z| if (x * 7 + y * 3) % 5 < 2 { z } else { f32::NAN };
