@@ -79,7 +79,7 @@ fn paths() -> [(&'static str, Vec<Vec3>); 3] {
 /// A synthetic rig's shot, and its world.
 fn rig(text: &str) -> (Synthetic, Shot) {
     let mut device = Synthetic::new(Options::parse(text).expect("options"));
-    let taken = session::take(&mut device, &Capture::default()).expect("a shot");
+    let taken = session::take(&mut device, &Capture::default(), None).expect("a shot");
     (device, taken.shot)
 }
 

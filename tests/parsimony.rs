@@ -131,6 +131,7 @@ fn bundled(name: &str) -> Shot {
     captured::session::take(
         device.as_mut(),
         &captured::config::Config::default().capture,
+        None,
     )
     .unwrap()
     .shot

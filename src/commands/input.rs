@@ -75,7 +75,7 @@ pub(super) fn read(path: &Path, config: &Config) -> Result<Input, CommandError> 
 
 fn play(path: &Path, config: &Config) -> Result<Input, CommandError> {
     let mut replay = Replay::open(path)?;
-    let taken = session::take(&mut replay, &config.capture)?;
+    let taken = session::take(&mut replay, &config.capture, None)?;
     let size = taken.shot.rig.color.size();
     let mask = read_mask_beside(path, size)?;
     let truth = read_truth(&truth_beside(path), size, TRUTH_DEPTH_UNIT_METRES)?;

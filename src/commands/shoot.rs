@@ -13,10 +13,7 @@ use crate::{
     session::{self, Kept},
 };
 use clap::Args;
-use std::{
-    path::PathBuf,
-    time::{Duration, Instant},
-};
+use std::{path::PathBuf, time::Duration};
 
 /// The light of `--relight` when none is given: above, to the right, in front.
 const USUAL_LIGHT: Light = Light::from_direction([0.6, 0.5, 0.62]);
@@ -200,13 +197,7 @@ impl Shoot {
         let address = self.device.as_deref().unwrap_or(configured);
         let mut device = session::open(address, config.rig_of(address))?;
         let progress = Progress::of_unknown("taking the shot");
-        let taken = session::take_watched(
-            device.as_mut(),
-            &config.capture,
-            self.burst,
-            &Instant::now,
-            &mut |_| {},
-        )?;
+        let taken = session::take(device.as_mut(), &config.capture, self.burst)?;
         let lights = self.relight.then_some(&lights);
         let to = Destination {
             disk: &Disk,

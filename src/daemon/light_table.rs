@@ -98,7 +98,8 @@ fn lay(look: &Look) -> Result<Lying, Fault> {
         let problem = format!("its frames cannot be read: {error}");
         fault(session::kind_of(&error), problem)
     })?;
-    let taken = session::take(&mut replay, &Capture::default()).map_err(|error| error.fault())?;
+    let taken =
+        session::take(&mut replay, &Capture::default(), None).map_err(|error| error.fault())?;
     let working_pixels = match look.detail {
         Detail::Quick => QUICK_PIXELS,
         Detail::Full => Options::default().working_pixels,

@@ -186,7 +186,7 @@ pub(super) async fn begin_again(
             let capture = config.capture.clone();
             let read = tokio::task::spawn_blocking(move || {
                 let mut replay = Replay::open(&path).map_err(SessionError::from)?;
-                session::take(&mut replay, &capture)
+                session::take(&mut replay, &capture, None)
             });
             let mut taken = read.await.map_err(broken)?.map_err(|error| error.fault())?;
             taken.info.address = id;

@@ -27,22 +27,27 @@ pub struct Taken {
 /// Longest wait without a word to whoever watches.
 const BREATH: Duration = Duration::from_millis(500);
 
-/// Streams from `device` until one shot of one bracket is whole; the device has stopped when this returns.
+/// Streams from `device` until one shot is whole, of one bracket or with `burst` of so many color frames; the
+/// device has stopped when this returns.
 ///
 /// # Errors
 /// [`SessionError::Device`] when the device fails or is silent for longer than its patience;
-/// [`SessionError::NoShot`] when it streams past the deadline, or ends, without a whole shot.
-pub fn take(device: &mut dyn Device, capture: &Capture) -> Result<Taken, SessionError> {
-    take_watched(device, capture, None, &Instant::now, &mut |_| {})
+/// [`SessionError::NoShot`] when it streams past the deadline, or ends, without a whole shot. Of a burst, the
+/// first bracket has the deadline of a shot and the rest as long again for every eight frames
+/// ([`Capture::deadline_of`]). [`SessionError::Radiometry`] for a burst whose frames cannot be averaged.
+pub fn take(
+    device: &mut dyn Device,
+    capture: &Capture,
+    burst: Option<u32>,
+) -> Result<Taken, SessionError> {
+    take_watched(device, capture, burst, &Instant::now, &mut |_| {})
 }
 
-/// [`take`], or with `burst` a shot of so many color frames, by the clock of `now`; `alive` is called with
-/// the number of frames so far, at least every half second for as long as the device keeps its patience.
+/// [`take`] by the clock of `now`; `alive` is called with the number of frames so far, at least every half
+/// second for as long as the device keeps its patience.
 ///
 /// # Errors
-/// As [`take`]; of a burst, the first bracket has the deadline of a shot and the rest as long again for
-/// every eight frames ([`Capture::deadline_of`]). [`SessionError::Radiometry`] for a burst whose frames
-/// cannot be averaged.
+/// As [`take`].
 pub fn take_watched(
     device: &mut dyn Device,
     capture: &Capture,

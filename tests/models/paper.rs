@@ -12,7 +12,7 @@ use drivers::open::open;
 
 fn taken(address: &str) -> session::Taken {
     let mut device = open(address).unwrap();
-    session::take(device.as_mut(), &Config::default().capture).unwrap()
+    session::take(device.as_mut(), &Config::default().capture, None).unwrap()
 }
 
 #[test]

@@ -16,7 +16,7 @@ use captured::{
 /// A shot, as a capture that was developed.
 fn desk() -> (Capture, Development) {
     let mut device = drivers::open::open("synthetic:desk").unwrap();
-    let shot = session::take(device.as_mut(), &Config::default().capture)
+    let shot = session::take(device.as_mut(), &Config::default().capture, None)
         .unwrap()
         .shot;
     let development = develop(&shot, &Options::default(), &mut |_| {}).unwrap();
