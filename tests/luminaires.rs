@@ -192,11 +192,11 @@ fn the_larger_a_lamp_the_softer_its_shadows_and_the_more_points_stand_for_it() {
         [0.02, 0.3].map(|radius| chosen(&prepared, &AreaLamp::ball(place, radius).unwrap(), 0.02));
     assert!(large.0 > small.0, "{} {}", small.0, large.0);
     assert!(large.0 >= 4 && soft(&large.1) > 2 * soft(&small.1));
-    // What the chosen few leave out is less than the noise of 2 %, against many more at full size.
+    // What the chosen few leave out is less than the noise of 2 %, against many more at full size: 0.6 %.
     let lamp = AreaLamp::ball(place, 0.3).unwrap();
     let many = sum(&prepared, &lamp.emitters(16, prepared.middle()));
     let apart = apart(&large.1, &many);
-    assert!(apart < 0.03, "{} lights: {apart}", large.0);
+    assert!(apart < 0.01, "{} lights: {apart}", large.0);
 }
 
 #[test]

@@ -41,6 +41,8 @@ pub struct RigToml {
     pub flash: FlashTable,
 }
 
+// The keys of a lens stand in both tables: what serde flattens out of one struct could not refuse unknown keys.
+
 /// `[color]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
