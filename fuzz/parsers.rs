@@ -5,6 +5,7 @@
 
 use captured::{
     api::{CheckedLights, Light, RelightRequest, ShotRequest, ViewRequest},
+    commands::{CommandError, CommandLine},
     config::Config,
     folder::{self, Limits, RigFile, decode::decode_bytes_limited},
     inference,
@@ -12,29 +13,33 @@ use captured::{
     radiometry::linearise,
     shot,
 };
+use clap::Parser as _;
 use drivers::{
     ColorFrame, DepthFrame, Device, DriverError, Exposure, Frame, Illumination, Pixels, Settings,
     Timestamp, Transfer, depthai,
     flaky::Faults,
     replay::Replay,
-    synthetic,
-    v4l::{self, Claim},
+    synthetic, v4l,
+    wire::{Claim, Transcript},
 };
 use serde::de::DeserializeOwned;
-use std::{path::Path, time::Duration};
+use std::{ffi::OsStr, path::Path, time::Duration};
 
 /// What reads bytes, and says whether it took them.
 pub type Parser = fn(&[u8]) -> bool;
 
 /// Name of the corpus, and what reads it.
-pub const PARSERS: [(&str, Parser); 12] = [
+pub const PARSERS: [(&str, Parser); 15] = [
     ("address", address),
+    ("bridge", bridge),
     ("camera", camera),
     ("camera_jpeg", camera_jpeg),
     ("capture", capture),
     ("config", config),
     ("frame", frame),
     ("image", image),
+    ("keys", keys),
+    ("lights", lights),
     ("manifest", manifest),
     ("onnx", onnx),
     ("recording", recording),
@@ -56,6 +61,31 @@ pub fn address(bytes: &[u8]) -> bool {
         }),
         _ => false,
     }
+}
+
+/// What the bridge of an OAK camera says, after a line with how the camera was asked for.
+pub fn bridge(bytes: &[u8]) -> bool {
+    let Some(end) = bytes.iter().position(|byte| *byte == b'\n') else {
+        return false;
+    };
+    let asked = std::str::from_utf8(&bytes[..end]).ok();
+    let Some(options) = asked.and_then(|text| depthai::Options::parse(text).ok()) else {
+        return false;
+    };
+    let transcript = Transcript {
+        said: &bytes[end + 1..],
+        memory: &[7; 1 << 13],
+    };
+    let mut delivered = 0;
+    let ended = transcript.play(&options, &mut |frame| {
+        let size = match &frame {
+            Frame::Color(color) => color.pixels.size(),
+            Frame::Depth(depth) => depth.metres.size(),
+        };
+        assembler(size).push(frame);
+        delivered += 1;
+    });
+    ended.is_ok() && delivered > 0
 }
 
 /// The file of a camera and its flash.
@@ -182,6 +212,50 @@ pub fn image(bytes: &[u8]) -> bool {
         max_side: 1 << 12,
     };
     decode_bytes_limited(Path::new("picture"), bytes, None, limits).is_ok()
+}
+
+/// The keys of a light that moves, of `film --path`; an environment turns with it.
+pub fn keys(bytes: &[u8]) -> bool {
+    in_a_file("keys.toml", bytes, |path| {
+        let beside = |name| path.with_file_name(name);
+        let (sky, film) = (beside("sky.hdr"), beside("film.webp"));
+        std::fs::write(&sky, SKY).expect("a file can be written");
+        let paths = [("--path", path), ("--environment", &sky), ("--out", &film)];
+        misses_only_the_capture("film", path, &paths)
+    })
+}
+
+/// A map of light from all around, 4×2.
+const SKY: &[u8] = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 4\n\
+    @@p\x81@@p\x81@@p\x81p@@\x82@p@\x80@p@\x80@p@\x80@p@\x80";
+
+/// The file of `--lights`.
+pub fn lights(bytes: &[u8]) -> bool {
+    in_a_file("lights.toml", bytes, |path| {
+        let out = path.with_file_name("relit");
+        misses_only_the_capture("relight", path, &[("--lights", path), ("--out", &out)])
+    })
+}
+
+/// Runs a command on a capture beside `file` that is not there, which is found out after all files of lights
+/// have been read.
+fn misses_only_the_capture(command: &str, file: &Path, given: &[(&str, &Path)]) -> bool {
+    let [capture, config] = ["capture", "captured.toml"].map(|name| file.with_file_name(name));
+    std::fs::write(&config, "").expect("a file can be written");
+    let mut words: Vec<&OsStr> = ["capturectl", command, "--tier", "closed"]
+        .map(OsStr::new)
+        .to_vec();
+    words.extend([capture.as_os_str(), "--config".as_ref(), config.as_os_str()]);
+    for (name, path) in given {
+        words.extend([OsStr::new(name), path.as_os_str()]);
+    }
+    let Ok(line) = CommandLine::try_parse_from(words) else {
+        return false;
+    };
+    match line.run() {
+        Err(CommandError::Input(missed)) => missed.path == capture,
+        _ => false,
+    }
 }
 
 /// `shot.json`.

@@ -30,6 +30,7 @@ pub mod synthetic;
 pub mod trigger;
 #[cfg(target_os = "linux")]
 pub mod v4l;
+pub mod wire;
 pub mod witness;
 
 pub use calibration::{Beam, DepthCamera, Distortion, FlashLamp, Intrinsics, Rig, RigidTransform};

@@ -17,10 +17,17 @@ const SCRIPT: &str = include_str!("bridge.py");
 /// How long the process may take to end by itself; longer than the library needs to let go.
 const GRACE: Duration = Duration::from_secs(2);
 
+/// Memory that a bridge writes frames into; empty.
+pub(super) fn shared_memory() -> std::io::Result<File> {
+    let memory = rustix::fs::memfd_create("captured-depthai", rustix::fs::MemfdFlags::CLOEXEC)?;
+    Ok(File::from(memory))
+}
+
 /// A running bridge.
 pub(super) struct Bridge {
     device: String,
-    process: Child,
+    /// `None` where only its words were kept.
+    process: Option<Child>,
     line: UnixStream,
     memory: File,
     /// What came of a message that is not whole yet.
@@ -41,9 +48,7 @@ impl Bridge {
             source,
         };
         let (line, theirs) = UnixStream::pair().map_err(failed)?;
-        let memory = rustix::fs::memfd_create("captured-depthai", rustix::fs::MemfdFlags::CLOEXEC)
-            .map_err(|error| failed(error.into()))?;
-        let memory = File::from(memory);
+        let memory = shared_memory().map_err(failed)?;
         let shared = memory.try_clone().map_err(failed)?;
         let process = command
             .stdin(OwnedFd::from(theirs))
@@ -52,19 +57,29 @@ impl Bridge {
             .map_err(failed)?;
         // The command would hold their end of the line open, and its end would never be heard.
         command.stdin(Stdio::null()).stdout(Stdio::null());
-        Ok(Self {
+        Ok(Self::new(device, Some(process), line, memory))
+    }
+
+    /// One whose process, if any, speaks at the other end of `line` and writes into `memory`.
+    pub(super) fn new(
+        device: &str,
+        process: Option<Child>,
+        line: UnixStream,
+        memory: File,
+    ) -> Self {
+        Self {
             device: device.to_owned(),
             process,
             line,
             memory,
             heard: Vec::new(),
-        })
+        }
     }
 
     /// Its process.
     #[cfg(test)]
-    pub fn id(&self) -> u32 {
-        self.process.id()
+    pub fn id(&self) -> Option<u32> {
+        self.process.as_ref().map(Child::id)
     }
 
     /// Says something to the bridge.
@@ -158,14 +173,17 @@ impl Drop for Bridge {
     fn drop(&mut self) {
         // The end of the line tells the bridge to put the strobe out and to go.
         drop(self.line.shutdown(std::net::Shutdown::Both));
+        let Some(process) = &mut self.process else {
+            return;
+        };
         let asked = Instant::now();
         while asked.elapsed() < GRACE {
-            if !matches!(self.process.try_wait(), Ok(None)) {
+            if !matches!(process.try_wait(), Ok(None)) {
                 return;
             }
             std::thread::sleep(Duration::from_millis(10));
         }
-        drop(self.process.kill());
-        drop(self.process.wait());
+        drop(process.kill());
+        drop(process.wait());
     }
 }

@@ -16,6 +16,7 @@ mod message;
 mod options;
 #[cfg(test)]
 mod tests;
+pub(crate) mod transcript;
 mod watch;
 
 pub use options::{Options, Strobe, Sync};

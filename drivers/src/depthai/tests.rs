@@ -263,7 +263,7 @@ fn the_process_is_gone_when_the_device_is() {
         return;
     };
     let device = device.unwrap();
-    let process = device.bridge.as_ref().unwrap().id();
+    let process = device.bridge.as_ref().unwrap().id().unwrap();
     let folder = format!("/proc/{process}");
     assert!(Path::new(&folder).exists());
     drop(device);

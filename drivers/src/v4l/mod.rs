@@ -7,7 +7,7 @@
 mod bracket;
 mod buffers;
 mod camera;
-mod claim;
+pub(crate) mod claim;
 mod clock;
 mod exposure;
 mod flow;
@@ -19,7 +19,6 @@ mod plan;
 mod stream;
 mod unpack;
 
-pub use claim::Claim;
 pub use plan::{CameraPlan, Plan, Stamp};
 
 use crate::{
