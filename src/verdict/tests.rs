@@ -80,6 +80,18 @@ fn as_it_is(_: usize, _: usize, value: f32) -> f32 {
     value
 }
 
+/// The same with a photograph without flash, of a room that sends `room` everywhere.
+fn in_room(mut shot: Shot, room: f32) -> Shot {
+    shot.ambient = vec![ColorFrame {
+        at: Timestamp::from_nanos(0),
+        sequence: 0,
+        light: Illumination::Ambient,
+        pixels: Pixels::RgbF32(Plane::filled(SIDE, SIDE, [room; 3])),
+        ..shot.flash.clone()
+    }];
+    shot
+}
+
 fn judged(shot: &Shot) -> Verdict {
     let development = develop(shot, &Options::default(), &mut |_| {}).unwrap();
     judge(shot, &development)
@@ -170,7 +182,7 @@ fn a_step_that_the_photograph_lacks_is_distrusted() {
 fn steps_of_loud_noise_are_no_mirror() {
     let chance = Chance::new(3);
     let loud = |x, y, z: f32| z * (1.0 + 0.08 * chance.normal((y * SIDE + x) as u64));
-    let verdict = judged(&wall((SIDE, SIDE), |_, _, light| light, loud));
+    let verdict = judged(&wall((SIDE, SIDE), as_it_is, loud));
     let score = verdict.score("mirror");
     assert!(score < 0.5, "{score}");
 }
@@ -182,18 +194,8 @@ fn lamps_that_pulse_are_told_from_lamps_that_do_not() {
             1.0 + swing * (std::f32::consts::TAU * 5.0 * y as f32 / SIDE as f32).sin()
         };
         let room = 0.1;
-        let mut shot = wall(
-            (SIDE, SIDE),
-            move |_, y, light| light + room * pulse(y),
-            as_it_is,
-        );
-        shot.ambient = vec![ColorFrame {
-            at: Timestamp::from_nanos(0),
-            sequence: 0,
-            light: Illumination::Ambient,
-            pixels: Pixels::RgbF32(Plane::filled(SIDE, SIDE, [room; 3])),
-            ..shot.flash.clone()
-        }];
+        let photographed = move |_, y, light| light + room * pulse(y);
+        let shot = in_room(wall((SIDE, SIDE), photographed, as_it_is), room);
         found(&shot, "mains-flicker").score
     };
     assert!(
@@ -207,14 +209,8 @@ fn lamps_that_pulse_are_told_from_lamps_that_do_not() {
 #[test]
 fn a_room_without_light_is_dark_and_one_that_outshines_the_flash_is_bright() {
     let times = |room: f32| {
-        let mut shot = wall((SIDE, SIDE), |_, _, light| light + room, as_it_is);
-        shot.ambient = vec![ColorFrame {
-            at: Timestamp::from_nanos(0),
-            sequence: 0,
-            light: Illumination::Ambient,
-            pixels: Pixels::RgbF32(Plane::filled(SIDE, SIDE, [room; 3])),
-            ..shot.flash.clone()
-        }];
+        let photographed = |_, _, light| light + room;
+        let shot = in_room(wall((SIDE, SIDE), photographed, as_it_is), room);
         found(&shot, "bright-ambient").score
     };
     let [dark, dim, bright] = [0.0, 0.05, 0.7].map(times);
