@@ -223,7 +223,7 @@ fn stages(size: (usize, usize), threads: usize, paces: &Paces, runtime: Option<&
     let correction = Correction::of(&developed.scene, &developed.prepared);
     line(
         "a lamp corrected by a network",
-        Floor::Operations(0.44e9 * network_share(working)),
+        Floor::Operations(0.40e9 * network_share(working)),
         &mut || {
             let answer = correction.relight(&developed.prepared, &lamp, compact.light.as_ref());
             black_box(answer.expect("an answer"));

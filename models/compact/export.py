@@ -79,9 +79,7 @@ def written(asked, name):
     """One network's file, manifest entry and card."""
     file = asked.run / f"{name}.pt"
     kept = torch.load(file, weights_only=True)
-    shapes = [len(kept["average"][f"hourglass.before.{i}.layer.bias"]) for i in range(3)]
-    shapes.append(len(kept["average"]["hourglass.deepest.0.layer.bias"]))
-    task = TASKS[name](widths=tuple(shapes))
+    task = TASKS[name]()
     task.network.load_state_dict(kept["average"])
     task.network = task.network.shipped()
     graph.rounded(task.network.eval(), "halves")

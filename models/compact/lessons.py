@@ -40,15 +40,18 @@ def files(folders):
 class Lessons:
     """Lessons of a course; `names` of one network's arrays."""
 
-    PER_LAMP = {"closed", "direct", "truth.relit", "seen", "thin", "thick", "truth.shadow", "toward"}
+    PER_LAMP = {"closed", "direct", "truth.relit", "seen", "thin", "thick", "truth.shadow", "toward", "distance", "told"}
 
     def __init__(self, folders, names):
         self.files, self.names = files(folders), names
         self.kept = [arrays(file) for file in self.files]
+        for file, lesson in zip(self.files, self.kept, strict=True):
+            for name in set(names) - set(lesson):
+                lesson[name] = np.load(file.with_suffix(f".{name}.npy"), mmap_mode="r")
         self.lamps = sum(len(lesson["toward"]) for lesson in self.kept)
 
-    def one(self, number, lamp, crop, mirror):
-        """Arrays of one lesson under one lamp: `crop` is (top, left, side), `mirror` a pair of truths."""
+    def one(self, number, lamp, crop, mirror, turned=False):
+        """Arrays of one lesson under one lamp: `crop` is (top, left, side), `mirror` a pair of truths, `turned` one of rows and columns."""
         top, left, side = crop
         found = {}
         for name in self.names:
@@ -68,7 +71,7 @@ class Lessons:
         for axis, mirrored in enumerate(mirror):
             if mirrored:
                 self.mirrored(found, axis)
-        return found
+        return self.turned(found) if turned else found
 
     @staticmethod
     def mirrored(found, axis):
@@ -79,13 +82,23 @@ class Lessons:
             if name in ("truth.normal", "sight", "ground", "toward", "view"):
                 array[axis] *= -1
 
-    def batch(self, dice, count, side):
-        """So many random places, one of four mirrorings each."""
+    @staticmethod
+    def turned(found):
+        """Rows and columns exchanged, so that right becomes down, and down right."""
+        for name, array in found.items():
+            if array.dim() == 3:
+                found[name] = array = array.transpose(1, 2).contiguous()
+            if name in ("truth.normal", "sight", "ground", "toward", "view"):
+                array[[0, 1]] = -array[[1, 0]]
+        return found
+
+    def batch(self, dice, count, side, turned=False):
+        """So many random places, one of four mirrorings each; `turned`, rows and columns are exchanged in half of them."""
         chosen = []
         for _ in range(count):
             number = int(dice.integers(len(self.kept)))
             height, width = self.kept[number]["sight"].shape[-2:]
             lamp = int(dice.integers(len(self.kept[number]["toward"])))
             crop = (2 * int(dice.integers((height - side) // 2 + 1)), 2 * int(dice.integers((width - side) // 2 + 1)), side)
-            chosen.append(self.one(number, lamp, crop, dice.integers(2, size=2)))
+            chosen.append(self.one(number, lamp, crop, dice.integers(2, size=2), turned and dice.random() < 0.5))
         return {name: torch.stack([one[name] for one in chosen]) for name in self.names}

@@ -1,6 +1,6 @@
 """SurfacesNet and LightNet: small U-Nets that correct what a closed form says; what they add starts at nothing.
 
-Pictures are (batch, channels, height, width), height and width multiples of 16. What goes in is made by `capturectl lessons`
+Pictures are (batch, channels, height, width), height and width multiples of 32. What goes in is made by `capturectl lessons`
 and described in `src/relight/networks/compact`.
 """
 
@@ -28,11 +28,11 @@ class Residual(nn.Module):
 
 
 class Hourglass(nn.Module):
-    """Half the size, three times halved further, and back to half; nothing is up-convolved."""
+    """A part of the size (1/`patch`), halved further once a width, and back; nothing is up-convolved."""
 
-    def __init__(self, channels, widths, blocks):
+    def __init__(self, channels, widths, blocks, patch=2):
         super().__init__()
-        self.stem = nn.Conv2d(channels, widths[0], 2, 2)
+        self.stem = nn.Conv2d(channels, widths[0], patch, patch)
         self.before = nn.ModuleList(Residual(width) for width in widths[:-1])
         self.down = nn.ModuleList(nn.Conv2d(a, b, 3, 2, 1) for a, b in zip(widths, widths[1:]))
         self.deepest = nn.Sequential(*(Residual(widths[-1]) for _ in range(blocks)))
@@ -117,11 +117,21 @@ class LightNet(nn.Module):
     """17 planes of a scene under a lamp to (weight, shadow, bounced): how far to believe `shadow` instead of the sweep, both in
     [0, 1], and what is added to the light that is bounced onto a surface."""
 
-    def __init__(self, widths=(12, 24, 48, 64), blocks=3):
+    def __init__(self, widths=(24, 48, 64, 96), blocks=3, channels=17, patch=4):
         super().__init__()
-        self.hourglass = Hourglass(17, widths, blocks)
-        self.shadow = quiet(nn.Conv2d(widths[0], 4 * 2, 3, padding=1))
+        self.patch = patch
+        self.hourglass = Hourglass(channels, widths, blocks, patch)
+        self.shadow = quiet(nn.Conv2d(widths[0], patch * patch * 2, 3, padding=1))
         self.bounced = quiet(nn.Conv2d(widths[0], 3, 3, padding=1))
+
+    @classmethod
+    def of(cls, weights):
+        """A network of these weights."""
+        stem, downs = weights["hourglass.stem.weight"], [name for name in weights if name.startswith("hourglass.down") and "bias" in name]
+        blocks = sum(name.startswith("hourglass.deepest") and name.endswith("bias") for name in weights)
+        network = cls((len(stem), *(len(weights[name]) for name in downs)), blocks, stem.shape[1], stem.shape[2])
+        network.load_state_dict(weights)
+        return network
 
     def shipped(self):
         """All of it."""
@@ -129,9 +139,9 @@ class LightNet(nn.Module):
 
     def forward(self, lamp):
         features = self.hourglass(lamp)
-        said = functional.pixel_shuffle(self.shadow(features), 2)
+        said = functional.pixel_shuffle(self.shadow(features), self.patch)
         weight, shadow = torch.sigmoid(said[:, 0:1] - 2), torch.sigmoid(said[:, 1:2])
-        bounced = functional.interpolate(0.1 * self.bounced(features), scale_factor=2, mode="nearest")
+        bounced = functional.interpolate(0.1 * self.bounced(features), scale_factor=self.patch, mode="nearest")
         return weight, shadow, bounced
 
 

@@ -106,6 +106,10 @@ class Surfaces:
         errors["depth"] = mean((step.abs() / DEPTH_UNIT).clamp(max=5), known)
         return errors, loss
 
+    def loss(self, batch):
+        """What training descends."""
+        return self.errors(batch)[1]
+
     def before(self, batch):
         """The same errors of the closed form."""
         kept, self.network = self.network, Unsaying()
@@ -124,21 +128,49 @@ class Light:
     names = ["ground", "albedo", "toward", "closed", "direct", "seen", "thin", "thick", "truth.shadow", "truth.relit"]
 
     def __init__(self, **shape):
-        self.network = LightNet(**shape)
+        self.network, self.shape = LightNet(**shape), shape
+        self.without, self.teacher = [], None
+
+    def studies(self, without, with_distance, teacher, told):
+        """Makes it a design that is only compared: fed less, or the distance to what casts a shadow too, or taught by another method."""
+        self.without, self.names = without, list(self.names)
+        if with_distance:
+            self.names.append("distance")
+            self.network = LightNet(channels=18, **self.shape)
+        if teacher:
+            self.teacher = LightNet.of(torch.load(teacher, weights_only=True)["average"]).eval()
+        if told:
+            self.names.append("told")
 
     def drop(self, batch, dice):
         """Nothing here may be absent."""
 
-    @staticmethod
-    def lamp(batch):
+    def loss(self, batch):
+        """What training descends; where there is a teacher, half of it is being unlike the teacher."""
+        _, loss = self.errors(batch)
+        told = batch.get("told")
+        if self.teacher:
+            with torch.no_grad():
+                weight, shadow, _ = self.teacher(self.lamp(batch))
+            told = batch["seen"] + weight * (shadow - batch["seen"])
+        if told is None:
+            return loss
+        weight, shadow, _ = self.network(self.lamp(batch))
+        own = batch["seen"] + weight * (shadow - batch["seen"])
+        facing = (torch.nan_to_num(batch["direct"]).sum(1, keepdim=True) > 0).float()
+        return 0.5 * loss + 0.5 * mean((own - told) ** 2, batch["ground"][:, 6:7] * facing)
+
+    def lamp(self, batch):
         """What `Correction::given` makes of the same."""
+        batch = {**batch, **{name: 0 * batch[name] for name in self.without}}
         ground, seen = batch["ground"], batch["seen"]
         toward = batch["toward"][:, :, None, None]
         known = ground[:, 6:7]
         cosine = (ground[:, 0:3] * toward).sum(1, keepdim=True)
         lit = torch.nan_to_num(batch["direct"] * seen).clamp(0, 2) * known
         toward = toward.expand(-1, -1, *ground.shape[-2:]) * known
-        return torch.cat([seen * known, batch["thin"] * known, batch["thick"] * known, cosine, lit, toward, ground], 1)
+        more = [batch["distance"] * known] if "distance" in batch else []
+        return torch.cat([seen * known, batch["thin"] * known, batch["thick"] * known, cosine, lit, toward, ground, *more], 1)
 
     def errors(self, batch):
         """(squared errors by name as the tables state them, what training descends)."""

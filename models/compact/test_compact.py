@@ -45,7 +45,7 @@ def test_what_is_mirrored_is_lit_from_the_other_side(tmp_path):
     lessons = Lessons([tmp_path], TASKS["light"].names)
     for mirror in ((1, 0), (0, 1), (1, 1)):
         both = [lessons.one(0, 0, (0, 0, SIDE), m) for m in ((0, 0), mirror)]
-        plain, other = (TASKS["light"].lamp({k: v[None] for k, v in one.items()})[0] for one in both)
+        plain, other = (TASKS["light"]().lamp({k: v[None] for k, v in one.items()})[0] for one in both)
         back = other.flip([2 - axis for axis, mirrored in enumerate(mirror) if mirrored])
         # Whatever is no direction is the same picture; n·l, plane 3, is one of it.
         same = [0, 1, 2, 3, 4, 5, 6, 12, 13, 14, 15, 16]
@@ -53,6 +53,17 @@ def test_what_is_mirrored_is_lit_from_the_other_side(tmp_path):
         for axis, mirrored in enumerate(mirror):
             sign = -1 if mirrored else 1
             assert torch.allclose(back[[7 + axis, 10 + axis]], sign * plain[[7 + axis, 10 + axis]])
+
+
+def test_rows_and_columns_exchanged_are_lit_from_the_exchanged_side(tmp_path):
+    lesson(tmp_path, 4)
+    lessons = Lessons([tmp_path], TASKS["light"].names)
+    both = [lessons.one(0, 0, (0, 0, SIDE), (0, 0), turned) for turned in (False, True)]
+    plain, other = (TASKS["light"]().lamp({k: v[None] for k, v in one.items()})[0] for one in both)
+    back = other.transpose(1, 2)
+    same = [0, 1, 2, 3, 4, 5, 6, 9, 12, 13, 14, 15, 16]
+    assert torch.allclose(back[same], plain[same], atol=1e-5)
+    assert torch.allclose(back[[7, 8, 10, 11]], -plain[[8, 7, 11, 10]])
 
 
 def test_an_untrained_network_leaves_the_closed_form_nearly_as_it_is(tmp_path):
@@ -78,7 +89,7 @@ def test_both_networks_together_are_small_and_answer_in_the_size_they_are_given(
     assert parameters(surfaces) + parameters(light) < 1_000_000
     sizes = [tuple(said.shape) for said in surfaces.shipped()(torch.rand(1, 16, 48, 80))]
     assert sizes == [(1, c, 48, 80) for c in (3, 3, 1)]
-    assert [tuple(said.shape) for said in light(torch.rand(1, 17, 48, 80))] == [(1, c, 48, 80) for c in (1, 1, 3)]
+    assert [tuple(said.shape) for said in light(torch.rand(1, 17, 64, 96))] == [(1, c, 64, 96) for c in (1, 1, 3)]
 
 
 def test_what_is_shaded_is_matte_where_nothing_shines():

@@ -24,14 +24,22 @@ arguments.add_argument("network", choices=TASKS)
 arguments.add_argument("--lessons", nargs="+", required=True, help="folders of lessons")
 arguments.add_argument("--val", nargs="+", required=True, help="folders of validation lessons, each measured by itself")
 arguments.add_argument("--out", type=Path, required=True, help="folder of the run")
-arguments.add_argument("--minutes", type=float, required=True, help="of the whole course; the rate falls to nothing toward its end")
+course = arguments.add_mutually_exclusive_group(required=True)
+course.add_argument("--minutes", type=float, help="of the whole course; the rate falls to nothing toward its end")
+course.add_argument("--steps", type=int, help="of the whole course, where courses are to be compared whatever else the machine does")
 arguments.add_argument("--rate", type=float, default=2e-3, help="highest learning rate")
 arguments.add_argument("--batch", type=int, default=8)
 arguments.add_argument("--side", type=int, default=128, help="pixels on a side of what is cut out")
-arguments.add_argument("--widths", type=int, nargs=4, help="channels at 1/2 to 1/16 of the size [default: the network's own]")
+arguments.add_argument("--widths", type=int, nargs="+", help="channels at every size, from the largest [default: the network's own]")
+arguments.add_argument("--patch", type=int, help="light: pixels on a side that become one at the largest size")
 arguments.add_argument("--threads", type=int, default=2)
 arguments.add_argument("--seed", type=int, default=1)
 arguments.add_argument("--look-minutes", type=float, default=3.0)
+arguments.add_argument("--turned", action="store_true", help="exchange rows and columns in half of the pictures")
+arguments.add_argument("--without", nargs="+", default=[], help="light: arrays that the network is not shown")
+arguments.add_argument("--with-distance", action="store_true", help="light: show the network how far off what casts a shadow is")
+arguments.add_argument("--teacher", type=Path, help="light: learn half from what the network of this .pt says")
+arguments.add_argument("--told", action="store_true", help="light: learn half from the shadows of another method, LESSON.told.npy")
 arguments.add_argument("--warm", type=Path, help="start from the weights of this .pt")
 
 
@@ -63,7 +71,10 @@ def main():
     torch.manual_seed(asked.seed)
     torch.set_num_threads(asked.threads)
     asked.out.mkdir(parents=True, exist_ok=True)
-    task = TASKS[asked.network](**({"widths": tuple(asked.widths)} if asked.widths else {}))
+    shape = {"widths": tuple(asked.widths) if asked.widths else None, "patch": asked.patch}
+    task = TASKS[asked.network](**{name: value for name, value in shape.items() if value})
+    if asked.network == "light":
+        task.studies(asked.without, asked.with_distance, asked.teacher, asked.told)
     network = task.network.to(memory_format=torch.channels_last)
     average, optimizer = Average(network), torch.optim.AdamW(network.parameters(), asked.rate, weight_decay=1e-4)
     file, done, steps = asked.out / f"{asked.network}.pt", 0.0, 0
@@ -78,7 +89,8 @@ def main():
         done, steps = kept["seconds"], kept["steps"]
     lessons, dice = Lessons(asked.lessons, task.names), np.random.default_rng([asked.seed, steps])
     print(f"{asked.network}: {parameters(network) / 1e6:.3f} M parameters, {len(lessons.files)} lessons, {lessons.lamps} lamps")
-    course, losses, looked = 60 * asked.minutes, [], time.monotonic()
+    losses, looked = [], time.monotonic()
+    over = lambda: steps / asked.steps if asked.steps else done / (60 * asked.minutes)
 
     def look():
         line = {"seconds": round(done), "steps": steps, "loss": round(float(np.mean(losses or [0])), 5)}
@@ -97,16 +109,15 @@ def main():
         print(" | ".join(f"{name} {value}" for name, value in line.items()), flush=True)
 
     with ThreadPoolExecutor(1) as hand:
-        made = lambda: lessons.batch(dice, asked.batch, asked.side)
+        made = lambda: lessons.batch(dice, asked.batch, asked.side, asked.turned)
         waiting = hand.submit(made)
-        while done < course:
+        while over() < 1:
             batch, waiting = waiting.result(), hand.submit(made)
             began = time.monotonic()
             for group in optimizer.param_groups:
-                share = done / course
-                group["lr"] = asked.rate * min(1.0, (steps + 1) / 200) * 0.5 * (1 + math.cos(math.pi * share))
+                group["lr"] = asked.rate * min(1.0, (steps + 1) / 200) * 0.5 * (1 + math.cos(math.pi * over()))
             task.drop(batch, dice)
-            _, loss = task.errors(batch)
+            loss = task.loss(batch)
             optimizer.zero_grad(set_to_none=True)
             loss.backward()
             torch.nn.utils.clip_grad_norm_(network.parameters(), 1.0)

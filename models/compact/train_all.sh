@@ -17,8 +17,9 @@ lessons train train --spoil
 lessons val-clean val
 lessons val-noisy val --noisy
 lessons val-life val --spoil --seed 5
-for network in surfaces light; do
-    python3 -m models.compact.train $network --lessons lessons/train --out compact-run \
-        --val lessons/val-clean lessons/val-noisy lessons/val-life --minutes 30
-done
+train() { # NETWORK OPTIONS…
+    python3 -m models.compact.train "$@" --lessons lessons/train --out compact-run --val lessons/val-clean lessons/val-noisy lessons/val-life
+}
+train surfaces --minutes 30
+train light --steps 10000 --rate 1e-3 --turned
 python3 -m models.compact.export compact-run --out "$root/models/weights"

@@ -255,11 +255,11 @@ impl Lesson {
         self.shares("seen", &seen);
         self.shares(
             "thin",
-            &swept.iter().map(|one| &one.others[0]).collect::<Vec<_>>(),
+            &swept.iter().map(|one| &one.doubted[1]).collect::<Vec<_>>(),
         );
         self.shares(
             "thick",
-            &swept.iter().map(|one| &one.others[1]).collect::<Vec<_>>(),
+            &swept.iter().map(|one| &one.doubted[2]).collect::<Vec<_>>(),
         );
         self.shares(
             "truth.shadow",

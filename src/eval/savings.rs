@@ -92,8 +92,6 @@ fn levels(terms: &Terms) -> [u8; 4] {
 /// All captures of a report.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Savings {
-    /// Of the row that chooses.
-    pub(super) label: String,
     pub(super) captures: Vec<Saving>,
     /// Percent saved, dB lost: means over captures.
     pub(super) mean: Option<(f64, f64)>,
@@ -142,7 +140,6 @@ impl Savings {
             (None, false) => String::new(),
         };
         Self {
-            label: auto,
             captures,
             mean: means,
             words,

@@ -1,8 +1,6 @@
 //! Parsimony: terms used per capture against accuracy lost and time saved.
 
-use super::canvas::{
-    Canvas, Chart, Drawn, FAINT, HAIR, HPos, INK, VPos, heading, row_color, text, viridis,
-};
+use super::canvas::{Canvas, Chart, Drawn, FAINT, HAIR, HPos, INK, VPos, heading, text, viridis};
 use crate::eval::savings::{MOST_TERMS, Saving, Savings, TERMS};
 use plotters::prelude::*;
 
@@ -64,9 +62,9 @@ impl ParsimonyMap {
         };
         let goal = [(x(GOAL.0), top), (right, y(GOAL.1))];
         area.draw(&Rectangle::new(goal, RGBColor(0xe3, 0xf2, 0xe8).filled()))?;
-        let style = text(7, RGBColor(0x1b, 0x6b, 0x45), HPos::Right, VPos::Top);
+        let style = text(7, RGBColor(0x1b, 0x6b, 0x45), HPos::Right, VPos::Bottom);
         let aim = format!("aim: ≥ {} % saved, ≤ {} dB lost", GOAL.0, GOAL.1);
-        area.draw_text(&aim, &style, (right - 6, top + 6))?;
+        area.draw_text(&aim, &style, (right, top - 10))?;
         let style = |horizontal, vertical| text(7, INK, horizontal, vertical);
         for step in 0..=((most - least) / 20.0).round() as i32 {
             let percent = least + 20.0 * f64::from(step);
@@ -88,7 +86,7 @@ impl ParsimonyMap {
         let words = "time saved against every term, % (right is better)";
         let middle = ((left + right) / 2, bottom + 32);
         area.draw_text(words, &style(HPos::Center, VPos::Top), middle)?;
-        let words = "PSNR lost against every term, dB (up is better)";
+        let words = "dB lost against every term (up is better)";
         area.draw_text(
             words,
             &style(HPos::Left, VPos::Bottom),
@@ -105,12 +103,13 @@ impl ParsimonyMap {
         }
         if let Some((saved, lost)) = self.savings.mean {
             let (at_x, at_y) = (x(saved), y(lost));
-            let mark = row_color(&self.savings.label);
-            for line in [
-                vec![(at_x - 14, at_y), (at_x + 14, at_y)],
-                vec![(at_x, at_y - 14), (at_x, at_y + 14)],
-            ] {
-                area.draw(&PathElement::new(line, mark.stroke_width(3)))?;
+            for (color, width) in [(WHITE, 7), (INK, 3)] {
+                for line in [
+                    vec![(at_x - 14, at_y), (at_x + 14, at_y)],
+                    vec![(at_x, at_y - 14), (at_x, at_y + 14)],
+                ] {
+                    area.draw(&PathElement::new(line, color.stroke_width(width)))?;
+                }
             }
         }
         Ok(())
@@ -172,7 +171,9 @@ impl Chart for ParsimonyMap {
         if self.savings.captures.is_empty() {
             return faint((30, 48), &self.savings.missing);
         }
-        faint((30, 44), &self.savings.words)?;
+        for (line, words) in self.savings.words.split("; ").enumerate() {
+            faint((30, 42 + 16 * line as i32), words)?;
+        }
         self.plot(area)?;
         self.levels(area)
     }

@@ -46,6 +46,9 @@ pub fn resampled<T: Mix>(plane: &Plane<T>, (width, height): (usize, usize)) -> P
     if plane.width() <= width || plane.height() <= height {
         return enlarge(plane, width, height);
     }
+    if plane.width() % width == 0 && plane.height() % height == 0 {
+        return means(plane, (width, height));
+    }
     let (columns, rows) = (spans(plane.width(), width), spans(plane.height(), height));
     let area = (plane.width() * plane.height()) as f32 / (width * height) as f32;
     let mut samples = vec![T::UNKNOWN; width * height];
@@ -64,6 +67,33 @@ pub fn resampled<T: Mix>(plane: &Plane<T>, (width, height): (usize, usize)) -> P
                 }
             }
             if total >= 0.5 * area {
+                *out = sum.over(total);
+            }
+        }
+    });
+    Plane::new(width, height, samples).expect("one sample per pixel")
+}
+
+/// [`resampled`] where every pixel covers whole samples.
+fn means<T: Mix>(plane: &Plane<T>, (width, height): (usize, usize)) -> Plane<T> {
+    let (wide, tall) = (plane.width() / width, plane.height() / height);
+    let least = 0.5 * (wide * tall) as f32;
+    let mut samples = vec![T::UNKNOWN; width * height];
+    let lines = samples.par_chunks_mut(width).enumerate();
+    lines.for_each(|(y, out)| {
+        let rows = (y * tall..(y + 1) * tall).map(|y| plane.row(y));
+        let rows: Vec<&[T]> = rows.collect();
+        for (x, out) in out.iter_mut().enumerate() {
+            let (mut sum, mut total) = (T::NOTHING, 0.0);
+            for row in &rows {
+                for sample in &row[x * wide..(x + 1) * wide] {
+                    if sample.is_known() {
+                        sum = sum.plus(1.0, *sample);
+                        total += 1.0;
+                    }
+                }
+            }
+            if total >= least {
                 *out = sum.over(total);
             }
         }

@@ -41,34 +41,41 @@ impl Channels {
         &self.samples[index * pixels..(index + 1) * pixels]
     }
 
+    /// Channels from a rule per row, which is given the row of every channel, all 0.
+    pub(crate) fn from_rows(
+        size: (usize, usize),
+        count: usize,
+        row: impl Fn(usize, &mut [&mut [f32]]) + Sync,
+    ) -> Self {
+        let (width, height) = size;
+        let mut samples = vec![0.0; count * width * height];
+        let planes = samples.chunks_mut((width * height).max(1));
+        let mut planes: Vec<_> = planes.map(|plane| plane.chunks_mut(width.max(1))).collect();
+        let rows: Vec<Vec<&mut [f32]>> = (0..height)
+            .map(|_| planes.iter_mut().filter_map(Iterator::next).collect())
+            .collect();
+        rows.into_par_iter()
+            .enumerate()
+            .for_each(|(y, mut planes)| row(y, &mut planes));
+        Self {
+            size,
+            count,
+            samples,
+        }
+    }
+
     /// Channels from a rule per pixel.
     pub(crate) fn from_pixels<const N: usize>(
         size: (usize, usize),
         pixel: impl Fn(usize) -> [f32; N] + Sync,
     ) -> Self {
-        let (width, height) = size;
-        let mut samples = vec![0.0; N * width * height];
-        let mut planes = samples.chunks_mut((width * height).max(1));
-        let mut planes: [_; N] =
-            std::array::from_fn(|_| planes.next().unwrap_or_default().chunks_mut(width.max(1)));
-        let row = |_| {
-            planes
-                .each_mut()
-                .map(|rows| rows.next().unwrap_or_default())
-        };
-        let rows: Vec<[&mut [f32]; N]> = (0..height).map(row).collect();
-        rows.into_par_iter().enumerate().for_each(|(y, mut row)| {
-            for x in 0..width {
-                for (plane, value) in row.iter_mut().zip(pixel(y * width + x)) {
+        Self::from_rows(size, N, |y, planes| {
+            for x in 0..size.0 {
+                for (plane, value) in planes.iter_mut().zip(pixel(y * size.0 + x)) {
                     plane[x] = value;
                 }
             }
-        });
-        Self {
-            size,
-            count: N,
-            samples,
-        }
+        })
     }
 }
 

@@ -26,6 +26,9 @@ use rayon::prelude::*;
 const LAMP_PLANES: usize = 10;
 const GROUND_PLANES: usize = 7;
 
+/// The network says what is bounced on a grid so many times coarser than its own.
+const BOUNCED_GRID: usize = 4;
+
 /// What the network of light is fed whatever the lamp.
 #[derive(Debug, Clone)]
 pub struct Ground {
@@ -94,8 +97,8 @@ pub struct Swept {
     white: Emitter,
     /// On the photograph's grid.
     pub seen: Seen,
-    /// Visibility with bodies thinner than guessed, and thicker, on the network's grid.
-    pub others: [Plane<f32>; 2],
+    /// Visibility with bodies as thick as guessed, thinner and thicker, on the network's grid.
+    pub doubted: [Plane<f32>; 3],
     /// Light straight from the lamp as if nothing stood in its way, on the network's grid.
     pub direct: Plane<[f32; 3]>,
 }
@@ -142,11 +145,11 @@ impl Correction {
             ..lamp
         };
         let size = self.ground.planes.size;
-        let others = self.doubt.others(white);
+        let seen = prepared.seen(white);
         Swept {
             white,
-            seen: prepared.seen(white),
-            others: others.each_ref().map(|plane| resampled(plane, size)),
+            doubted: self.doubt.seen(white, &seen.visibility, size),
+            seen,
             direct: self.surfaces.relight(white, UNSHADOWED).light.0,
         }
     }
@@ -157,36 +160,42 @@ impl Correction {
     pub fn given(&self, swept: &Swept, lamp: impl Into<Emitter>) -> Channels {
         let lamp = lamp.into();
         let ground = &self.ground.planes;
-        let size = ground.size;
-        let seen = resampled(&swept.seen.visibility, size);
-        let others = &swept.others;
+        let width = ground.size.0;
+        let count = LAMP_PLANES + GROUND_PLANES;
         let known = ground.channel(GROUND_PLANES - 1);
         let normal = [0, 1, 2].map(|axis| ground.channel(axis));
-        let mut given = Channels::from_pixels(size, |index| {
-            if known[index] <= 0.0 {
-                return [0.0; LAMP_PLANES];
+        let doubted = swept.doubted.each_ref().map(Plane::samples);
+        let direct = swept.direct.samples();
+        let toward = |point: Vec3| {
+            let toward = lamp.seen_from(point).0;
+            [toward.x, -toward.y, -toward.z].map(finite)
+        };
+        let distant = match lamp.origin {
+            Origin::Distant(_) => Some(toward(Vec3::NAN)),
+            Origin::Near(_) => None,
+        };
+        Channels::from_rows(ground.size, count, |y, planes| {
+            let (planes, below) = planes.split_at_mut(LAMP_PLANES);
+            for (out, channel) in below.iter_mut().zip(0..) {
+                out.copy_from_slice(&ground.channel(channel)[y * width..][..width]);
             }
-            let toward = lamp.seen_from(self.ground.points[index]).0;
-            let toward = [toward.x, -toward.y, -toward.z].map(finite);
-            let facing: f32 = (0..3).map(|axis| normal[axis][index] * toward[axis]).sum();
-            let lit = if facing > 0.0 {
-                finite(seen.samples()[index])
-            } else {
-                0.0
-            };
-            let [thin, thick] = others
-                .each_ref()
-                .map(|plane| finite(plane.samples()[index]));
-            let direct = swept.direct.samples()[index];
-            let [red, green, blue] = direct.map(|light| (finite(light) * lit).clamp(0.0, 2.0));
-            let [right, up, back] = toward;
-            [lit, thin, thick, facing, red, green, blue, right, up, back]
-        });
-        // No more than it needs: it is the largest of all that a lamp takes.
-        given.samples.reserve_exact(ground.samples.len());
-        given.samples.extend_from_slice(&ground.samples);
-        given.count += ground.count;
-        given
+            for x in 0..width {
+                let index = y * width + x;
+                if known[index] <= 0.0 {
+                    continue;
+                }
+                let toward = distant.unwrap_or_else(|| toward(self.ground.points[index]));
+                let facing: f32 = (0..3).map(|axis| normal[axis][index] * toward[axis]).sum();
+                let [guessed, thin, thick] = doubted.map(|plane| finite(plane[index]));
+                let lit = if facing > 0.0 { guessed } else { 0.0 };
+                let light = direct[index].map(|light| (finite(light) * lit).clamp(0.0, 2.0));
+                let [[red, green, blue], [right, up, back]] = [light, toward];
+                let said = [lit, thin, thick, facing, red, green, blue, right, up, back];
+                for (plane, said) in planes.iter_mut().zip(said) {
+                    plane[x] = said;
+                }
+            }
+        })
     }
 
     /// The scene under one lamp.
@@ -210,7 +219,7 @@ impl Correction {
             samples.map(|share| finite(share).clamp(0.0, 1.0)).collect()
         };
         let (weight, told) = (share(weight), share(shadow));
-        let bounced = Told::new(&bounced, prepared.size());
+        let bounced = Told::new(&bounced, BOUNCED_GRID, prepared.size());
         let width = prepared.size().0;
         let stretch = Stretch::new(given.size, prepared.size());
         let albedo = prepared.surfaces.albedo();

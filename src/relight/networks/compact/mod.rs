@@ -36,10 +36,10 @@ impl Compact {
 /// Pixels, nearly, of the largest grid that the networks are asked on: those of the paper's pictures.
 pub const MOST_PIXELS: usize = 65_536;
 
-/// Both networks halve the picture four times.
+/// One network halves the picture four times, the other makes one pixel of four by four and halves it three times.
 const GRID: Grid = Grid {
     pixels: MOST_PIXELS as f64,
-    multiple: 16.0,
+    multiple: 32.0,
 };
 
 /// The least of [`doubt_of`] at which depth is wholly in doubt, inverted; `networks.py` has the same.

@@ -11,6 +11,9 @@ use rayon::prelude::*;
 /// The smoothest that a network may call a surface.
 const SMOOTHEST: f32 = 0.01;
 
+/// The network speaks on a grid so many times coarser than its own.
+const SAID_GRID: usize = 2;
+
 /// Cosine toward the camera below which light is not divided by it; `models/compact/tasks.py` has the same.
 const LEAST_COSINE: f32 = 0.15;
 
@@ -30,9 +33,9 @@ pub fn corrected(
     let wanted = [("normal", 3), ("factor", 3), ("roughness", 1)];
     let [turns, factor, roughness] = answers(network, &[("sight", given)], &wanted)?;
     let size = scene.albedo.size();
-    let turns = Told::new(&turns, size);
-    let factors = Told::new(&factor, size);
-    let told = Told::new(&roughness, size);
+    let turns = Told::new(&turns, SAID_GRID, size);
+    let factors = Told::new(&factor, SAID_GRID, size);
+    let told = Told::new(&roughness, SAID_GRID, size);
     let most = if scene.scale_known { 1.0 } else { f32::MAX };
     let mut out = scene.clone();
     let width = size.0.max(1);

@@ -9,8 +9,7 @@ use drivers::Plane;
 
 /// A network's answer that varies slowly, row by row of a larger grid; 0 where it says no number.
 ///
-/// It goes there by half the network's grid: its last layer works on half the picture's sides, and leaves a pattern
-/// from pixel to pixel.
+/// It goes there by a coarser grid, that of the network's last layer, which leaves a pattern from pixel to pixel of the finer.
 pub(super) struct Told {
     channels: Vec<Plane<f32>>,
     stretch: Stretch,
@@ -18,20 +17,20 @@ pub(super) struct Told {
 }
 
 impl Told {
-    /// `answer` on a grid of `size`.
-    pub(super) fn new(answer: &Channels, size: (usize, usize)) -> Self {
+    /// `answer`, said on a grid `coarser` times coarser than its own, on a grid of `size`.
+    pub(super) fn new(answer: &Channels, coarser: usize, size: (usize, usize)) -> Self {
         let (width, height) = answer.size;
-        let half = (width / 2, height / 2);
+        let said = (width / coarser, height / coarser);
         let channel = |index: usize| {
             let samples = answer.channel(index).iter().copied().map(finite).collect();
             resampled(
                 &Plane::new(width, height, samples).expect("one per pixel"),
-                half,
+                said,
             )
         };
         Self {
             channels: (0..answer.count).map(channel).collect(),
-            stretch: Stretch::new(half, size),
+            stretch: Stretch::new(said, size),
             width: size.0,
         }
     }
