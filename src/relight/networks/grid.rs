@@ -46,7 +46,7 @@ pub fn resampled<T: Mix>(plane: &Plane<T>, (width, height): (usize, usize)) -> P
     if plane.width() <= width || plane.height() <= height {
         return enlarge(plane, width, height);
     }
-    if plane.width() % width == 0 && plane.height() % height == 0 {
+    if plane.width().is_multiple_of(width) && plane.height().is_multiple_of(height) {
         return means(plane, (width, height));
     }
     let (columns, rows) = (spans(plane.width(), width), spans(plane.height(), height));
