@@ -11,9 +11,11 @@ from pathlib import Path
 
 import matplotlib
 import numpy as np
+import onnx
 import onnxruntime
 import torch
 
+from ..reference import graph
 from .lessons import Lessons
 from .networks import LightNet, parameters
 from .tasks import Light
@@ -44,22 +46,11 @@ def design(run):
 
 def cost(network):
     """GFLOP and the network as a session of ONNX Runtime."""
-    adds = 0
-
-    def count(layer, _, answer):
-        nonlocal adds
-        adds += answer.numel() * layer.weight[0].numel()
-
-    hooks = [layer.register_forward_hook(count) for layer in network.modules() if isinstance(layer, torch.nn.Conv2d)]
     given = torch.zeros(1, network.hourglass.stem.in_channels, 256, 256)
-    with torch.no_grad():
-        network(given)
-    for hook in hooks:
-        hook.remove()
     model, options = io.BytesIO(), onnxruntime.SessionOptions()
     torch.onnx.export(network, (given,), model, input_names=["lamp"], dynamo=False)
     options.intra_op_num_threads = 1
-    return 2e-9 * adds, onnxruntime.InferenceSession(model.getvalue(), options, providers=["CPUExecutionProvider"])
+    return graph.billions(onnx.load_from_string(model.getvalue())), onnxruntime.InferenceSession(model.getvalue(), options, providers=["CPUExecutionProvider"])
 
 
 def milliseconds(sessions):
