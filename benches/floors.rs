@@ -13,11 +13,14 @@ use captured::{
     develop::{Grid, Options, develop},
     inference::{Settings, load_compact},
     radiometry::subtract,
-    relight::{Lamp, Prepared, RelightOptions, networks::compact::Correction},
+    relight::{Emitter, Lamp, Prepared, RelightOptions, networks::compact::Correction},
 };
 use drivers::Plane;
 use rayon::prelude::*;
 use std::{hint::black_box, path::PathBuf, time::Instant};
+
+/// Lamps that are asked one after another.
+const IN_A_ROW: usize = 8;
 
 /// What a stage must do at least.
 #[derive(Clone, Copy)]
@@ -225,8 +228,19 @@ fn stages(size: (usize, usize), threads: usize, paces: &Paces, runtime: Option<&
         "a lamp corrected by a network",
         Floor::Operations(0.40e9 * network_share(working)),
         &mut || {
-            let answer = correction.relight(&developed.prepared, &lamp, compact.light.as_ref());
-            black_box(answer.expect("an answer"));
+            let lamp = [Emitter::from(&lamp)];
+            let mut relit = correction.relit(&developed.prepared, &lamp, compact.light.as_ref());
+            black_box(relit.next().expect("one lamp").expect("an answer"));
+        },
+    );
+    let lamps = [Emitter::from(&lamp); IN_A_ROW];
+    line(
+        "eight lamps in a row corrected by a network",
+        Floor::Operations(IN_A_ROW as f64 * 0.40e9 * network_share(working)),
+        &mut || {
+            for relit in correction.relit(&developed.prepared, &lamps, compact.light.as_ref()) {
+                black_box(relit.expect("an answer"));
+            }
         },
     );
 }

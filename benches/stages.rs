@@ -16,7 +16,7 @@ use captured::{
     relight::{
         Environment, Indirect, Lamp, LightSet, Origin, Preparation, Prepared, RelightOptions,
         Shadows,
-        visibility::{Answers, Occluders, sweep},
+        visibility::{Answers, Occluders, Thickness, sweep},
     },
 };
 use drivers::Plane;
@@ -215,13 +215,21 @@ fn marches() {
     let lamp = Lamp::from_person([0.5, 0.6, 0.62]).expect("a direction");
     let bytes = 512 * 512 * 9;
     let swept = line("sweep alone, one light, 512²", bytes, None, || {
-        black_box(sweep(&occluders, Origin::Distant(lamp.toward())));
+        black_box(sweep(
+            &occluders,
+            Origin::Distant(lamp.toward()),
+            Thickness::Doubted,
+        ));
     });
     let marched = line("march of 64 steps, one light, 512²", bytes, None, || {
         black_box(world::march_64(&scene, lamp.toward()));
     });
     let steps = world::march_64(&scene, lamp.toward());
-    let answer = sweep(&occluders, Origin::Distant(lamp.toward()));
+    let answer = sweep(
+        &occluders,
+        Origin::Distant(lamp.toward()),
+        Thickness::Doubted,
+    );
     let answers = Answers::new(&answer, 512);
     let mut row = vec![0.0; 512];
     let (mut by_sweep, mut by_steps, mut count) = (0, 0, 0);

@@ -4,7 +4,7 @@ use captured::{
     radiometry::LinearImage,
     registration::RegisteredDepth,
     relight::{
-        Lamp, Preparation, Prepared, RelightOptions,
+        Emitter, Lamp, Preparation, Prepared, RelightOptions, Relit, Shadows,
         networks::{
             Channels, Network, NetworkError, NetworkRecord,
             compact::{Correction, Sight, UNSHADOWED, corrected},
@@ -206,12 +206,21 @@ fn light_changes_by_what_the_network_says() {
         .unwrap()
         .with_color(color)
         .unwrap();
-    let closed = prepared.relight(&lamp, RelightOptions::default());
+    let corrected = RelightOptions {
+        shadows: Shadows::Guessed,
+        ..RelightOptions::default()
+    };
+    let closed = prepared.relight(&lamp, corrected);
     assert!(
         closed.shadow.samples().iter().any(|seen| *seen < 0.1),
         "no shadow to correct"
     );
-    let told = |says: &Says| correction.relight(&prepared, &lamp, says).unwrap();
+    let lit = |lamp: &Lamp, says: &Says| {
+        let lamps = [lamp.into()];
+        let mut relit = correction.relit(&prepared, &lamps, says);
+        relit.next().unwrap().unwrap()
+    };
+    let told = |says: &Says| lit(&lamp, says);
     let apart = |a: &LinearImage, b: &LinearImage| -> f32 {
         let pixels = a.0.samples().iter().zip(b.0.samples());
         let known = pixels.filter(|(a, _)| a[0].is_finite());
@@ -223,9 +232,9 @@ fn light_changes_by_what_the_network_says() {
     assert!(apart(&told(&light(0.0, 1.0, [0.0; 3])).light, &closed.light) < 1e-5);
 
     // All is lit: what was in shadow gets the direct light too.
-    let lit = told(&light(1.0, 1.0, [0.0; 3]));
+    let clear = told(&light(1.0, 1.0, [0.0; 3]));
     let direct = prepared.relight(&lamp, UNSHADOWED);
-    for (index, seen) in lit.shadow.samples().iter().enumerate() {
+    for (index, seen) in clear.shadow.samples().iter().enumerate() {
         let expected: [f32; 3] = std::array::from_fn(|c| {
             let missing =
                 (1.0 - closed.shadow.samples()[index]) * direct.light.0.samples()[index][c];
@@ -233,16 +242,16 @@ fn light_changes_by_what_the_network_says() {
         });
         if scene.albedo.samples()[index][0].is_finite() {
             assert_eq!(*seen, 1.0);
-            assert!((lit.light.0.samples()[index][2] - expected[2]).abs() < 1e-5);
+            assert!((clear.light.0.samples()[index][2] - expected[2]).abs() < 1e-5);
         } else {
-            assert!(seen.is_nan() && lit.light.0.samples()[index][0].is_nan());
+            assert!(seen.is_nan() && clear.light.0.samples()[index][0].is_nan());
         }
     }
 
     // What is turned away from a lamp stays dark, whatever is said.
     let behind = Lamp::from_person([0.6, 0.0, -0.4]).unwrap();
     let says = light(1.0, 1.0, [0.0; 3]);
-    let away = correction.relight(&prepared, &behind, &says).unwrap();
+    let away = lit(&behind, &says);
     let known = away.shadow.samples().iter().filter(|seen| !seen.is_nan());
     assert!(known.clone().count() > 0 && known.clone().all(|seen| *seen == 0.0));
 
@@ -254,4 +263,29 @@ fn light_changes_by_what_the_network_says() {
         let expected = said * scene.albedo[at][c] * color[c];
         assert!((more - expected).abs() < 1e-5, "{more} {expected}");
     }
+}
+
+#[test]
+fn lamps_in_a_row_are_lit_as_each_alone() {
+    let scene = scene();
+    let prepared = Prepared::new(&scene, Preparation::default());
+    let correction = Correction::of(&scene, &prepared);
+    let says = light(0.5, 0.3, [0.1, 0.0, 0.2]);
+    let lamps: Vec<Emitter> = [[0.8, 0.2, 0.5], [-0.3, 0.9, 0.2], [0.0, 0.1, 1.0]]
+        .into_iter()
+        .map(|toward| Emitter::from(&Lamp::from_person(toward).unwrap()))
+        .collect();
+    let all = correction.relit(&prepared, &lamps, &says);
+    let all: Vec<Relit> = all.collect::<Result<_, _>>().unwrap();
+    assert_eq!(all.len(), lamps.len());
+    let bits = |relit: &Relit| -> Vec<u32> {
+        let light = relit.light.0.samples().as_flattened().iter();
+        light.map(|value| value.to_bits()).collect()
+    };
+    for (lamp, one) in lamps.iter().zip(&all) {
+        let lamp = [*lamp];
+        let mut alone = correction.relit(&prepared, &lamp, &says);
+        assert_eq!(bits(&alone.next().unwrap().unwrap()), bits(one));
+    }
+    assert_ne!(bits(&all[0]), bits(&all[1]));
 }

@@ -43,7 +43,7 @@ fn prepared(world: &World) -> Prepared {
 
 /// Light straight from the lamp.
 const DIRECT: RelightOptions = RelightOptions {
-    shadows: Shadows::Probabilistic,
+    shadows: Shadows::Doubted,
     indirect: captured::relight::Indirect::None,
 };
 

@@ -4,7 +4,7 @@ mod march;
 
 use captured::relight::{
     Origin,
-    visibility::{Answers, Occluders, sweep},
+    visibility::{Answers, Occluders, Thickness, sweep},
 };
 use drivers::{Distortion, Intrinsics, Plane};
 use glam::Vec3;
@@ -86,7 +86,7 @@ fn balls(size: (usize, usize), thickness: f32) -> (Intrinsics, Plane<f32>, Plane
 
 fn agreement(size: (usize, usize), lamp: Origin, thickness: f32) -> f64 {
     let (camera, metres, thickness, occluders) = balls(size, thickness);
-    let swept = sweep(&occluders, lamp);
+    let swept = sweep(&occluders, lamp, Thickness::Guessed);
     let answers = Answers::new(&swept, size.0);
     let mut row = vec![0.0; size.0];
     let mut same = 0;
@@ -139,6 +139,45 @@ fn the_sweep_agrees_with_the_march_on_99_percent_of_pixels() {
     assert_agreement(&lamps, 0.985);
 }
 
+#[test]
+fn a_sweep_that_doubts_thickness_gives_the_mean_over_all_it_may_be() {
+    const SIZE: (usize, usize) = (96, 72);
+    const STEPS: usize = 8;
+    // From a fifth of the guess to one and a half times.
+    let factors: Vec<f32> = (0..STEPS)
+        .map(|step| 0.2 + 1.3 * (step as f32 + 0.5) / STEPS as f32)
+        .collect();
+    let (camera, metres, thickness, occluders) = balls(SIZE, 0.15);
+    let mut sums = [0.0; 2];
+    let lamps = directions().into_iter().step_by(5).map(Origin::Distant);
+    for lamp in lamps.chain(places().into_iter().take(6)) {
+        let thicknesses: Vec<Plane<f32>> = factors
+            .iter()
+            .map(|factor| thickness.map(|metres| metres * factor))
+            .collect();
+        let mut apart = [0.0f64; 2];
+        let rows = [Thickness::Doubted, Thickness::Guessed]
+            .map(|thickness| rows(&occluders, lamp, thickness));
+        for y in 0..SIZE.1 {
+            for x in (0..SIZE.0).filter(|x| faces(&camera, &metres, lamp, (*x, y))) {
+                let lit = |thickness| march(&camera, &metres, thickness, lamp, (x, y));
+                let lit = thicknesses.iter().filter(|thickness| lit(thickness));
+                let mean = lit.count() as f32 / STEPS as f32;
+                for (apart, rows) in apart.iter_mut().zip(&rows) {
+                    *apart += f64::from((rows[y * SIZE.0 + x] - mean).powi(2));
+                }
+            }
+        }
+        let [doubted, guessed] = apart.map(|sum| sum / (SIZE.0 * SIZE.1) as f64);
+        sums = [sums[0] + doubted, sums[1] + guessed];
+        assert!(
+            doubted < 1.05 * guessed + 5e-4,
+            "{lamp:?}: {doubted} {guessed}"
+        );
+    }
+    assert!(sums[0] < 0.8 * sums[1], "{sums:?}");
+}
+
 /// Places all around the balls: behind the lens, in its plane, in front of it outside the picture and
 /// inside it, between the balls and the wall, and behind the wall.
 fn places() -> Vec<Origin> {
@@ -159,10 +198,14 @@ fn the_sweep_agrees_with_the_march_for_lamps_near_to_the_scene_too() {
     assert_agreement(&places(), 0.95);
 }
 
-/// Visibility of every pixel, row by row.
 fn swept(occluders: &Occluders, lamp: Origin) -> Vec<f32> {
+    rows(occluders, lamp, Thickness::Guessed)
+}
+
+/// Visibility of every pixel, row by row.
+fn rows(occluders: &Occluders, lamp: Origin, thickness: Thickness) -> Vec<f32> {
     let (width, height) = occluders.size();
-    let swept = sweep(occluders, lamp);
+    let swept = sweep(occluders, lamp, thickness);
     let answers = Answers::new(&swept, width);
     let mut all = vec![0.0; width * height];
     for (y, row) in all.chunks_mut(width).enumerate() {

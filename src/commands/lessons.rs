@@ -8,7 +8,7 @@ use crate::{
     develop::{Development, Options, Stage, develop},
     folder::{Capture, FolderError},
     relight::{
-        Lamp, RelightOptions,
+        Lamp, RelightOptions, Shadows,
         networks::{
             Channels,
             compact::{Correction, toward_camera},
@@ -221,6 +221,11 @@ impl Lesson {
         let correction = Correction::of(scene, prepared);
         self.channels("ground", &correction.ground().planes);
         self.colors("albedo", &[&scene.albedo]);
+        // What the network corrects.
+        let corrected = RelightOptions {
+            shadows: Shadows::Guessed,
+            ..RelightOptions::default()
+        };
         let (mut toward, mut told) = (Vec::new(), Vec::new());
         let (mut closed, mut swept) = (Vec::new(), Vec::new());
         for light in &truth.lights {
@@ -233,7 +238,7 @@ impl Lesson {
                 remedy: "mend truth/lights.toml",
             })?;
             toward.extend(lamp.person_direction());
-            closed.push(prepared.relight(&lamp, RelightOptions::default()));
+            closed.push(prepared.relight(&lamp, corrected));
             swept.push(correction.swept(prepared, &lamp));
             told.push((picture.0, shadow));
         }

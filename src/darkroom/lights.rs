@@ -54,11 +54,10 @@ fn by_model(
     observe: &mut dyn FnMut(&str),
 ) -> Result<Vec<Relit>, DarkroomError> {
     clock.begin("relight");
-    let mut relit = Vec::with_capacity(order.lamps.len());
-    for (index, lamps) in standing.emitters.iter().enumerate() {
+    let begins = &mut |index: usize| {
         observe(&format!("light {} of {}", index + 1, order.lamps.len()));
-        relit.push(model.relight_all(lamps, network)?);
-    }
+    };
+    let mut relit = model.relight_each(&standing.emitters, network, begins)?;
     if let Some(((name, _), around)) = order.environment.zip(around) {
         observe(name);
         clock.begin("environment");

@@ -188,16 +188,43 @@ impl Model {
         lamps: &[Emitter],
         network: Option<&dyn Network>,
     ) -> Result<Relit, NetworkError> {
+        let mut lit = self.relight_each(&[lamps], network, &mut |_| ())?;
+        Ok(lit.pop().expect("one of one light"))
+    }
+
+    /// The photograph under one light after another, each as [`Self::relight_all`] has it and together sooner: where a network
+    /// corrects them, the next lamp is swept meanwhile. `begins` hears the number of each light.
+    ///
+    /// # Errors
+    /// [`NetworkError`] of the network.
+    pub fn relight_each(
+        &self,
+        lights: &[impl AsRef<[Emitter]>],
+        network: Option<&dyn Network>,
+        begins: &mut dyn FnMut(usize),
+    ) -> Result<Vec<Relit>, NetworkError> {
         let prepared = &self.development.prepared;
-        let relit = summed(lamps.iter().map(|lamp| match (&self.correction, network) {
-            (Some(correction), Some(network)) => correction.relight(prepared, lamp, network),
-            _ => Ok(prepared.relight(lamp, RelightOptions::default())),
-        }))?;
-        let dark = || prepared.dark();
-        let mut relit = self.development.finish(relit.unwrap_or_else(dark));
-        if let Some((photograph, share)) = &self.leaning {
-            hedged(&mut relit, photograph, *share);
+        let lamps: Vec<Emitter> = lights.iter().flat_map(AsRef::as_ref).copied().collect();
+        let mut relit: Box<dyn Iterator<Item = Result<Relit, NetworkError>>> =
+            match (&self.correction, network) {
+                (Some(correction), Some(network)) => {
+                    Box::new(correction.relit(prepared, &lamps, network))
+                }
+                _ => {
+                    let swept = |lamp| prepared.relight(lamp, RelightOptions::default());
+                    Box::new(lamps.iter().map(move |lamp| Ok(swept(*lamp))))
+                }
+            };
+        let mut all = Vec::with_capacity(lights.len());
+        for (index, light) in lights.iter().enumerate() {
+            begins(index);
+            let sum = summed(relit.by_ref().take(light.as_ref().len()))?;
+            let mut one = (self.development).finish(sum.unwrap_or_else(|| prepared.dark()));
+            if let Some((photograph, share)) = &self.leaning {
+                hedged(&mut one, photograph, *share);
+            }
+            all.push(one);
         }
-        Ok(relit)
+        Ok(all)
     }
 }

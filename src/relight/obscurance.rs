@@ -8,7 +8,7 @@
 use super::{
     Origin,
     enlarge::enlarge,
-    visibility::{Answers, Occluders, map, sweep},
+    visibility::{Answers, Occluders, Thickness, map, sweep},
 };
 use crate::scene::Scene;
 use drivers::Plane;
@@ -49,7 +49,7 @@ pub(super) fn obscurance(scene: &Scene, occluders: &Occluders) -> Vec<f32> {
     let sums = directions
         .par_iter()
         .map(|&toward| {
-            let swept = sweep(&small, Origin::Distant(toward));
+            let swept = sweep(&small, Origin::Distant(toward), Thickness::Guessed);
             let answers = Answers::new(&swept, small_width);
             let mut visibility = vec![0.0f32; small_width];
             let mut sums = vec![[0.0f32; 2]; small_width * small_height];

@@ -7,7 +7,7 @@ use super::{
     shading::{ShaderLamp, shade_row},
     source::Source,
     surfaces::{Middles, Surfaces},
-    visibility::{Answers, Occluders, map, sweep},
+    visibility::{Answers, Occluders, Thickness, map, sweep},
 };
 use crate::{
     radiometry::LinearImage,
@@ -22,11 +22,11 @@ use rayon::prelude::*;
 pub enum Shadows {
     /// None: only surfaces turned away are dark.
     None,
-    /// Lit or not, nothing between.
-    Hard,
-    /// The probability of being lit, given the depth's sigma.
+    /// The probability of being lit, given the depth's sigma, with bodies as thick as guessed.
+    Guessed,
+    /// The same where the guess of what no camera saw is doubted too.
     #[default]
-    Probabilistic,
+    Doubted,
 }
 
 /// Light that arrives after more than one bounce.
@@ -234,33 +234,29 @@ impl Prepared {
         }
         let emitter = lamp.into();
         let occluders = self.occluders.as_ref();
-        let swept = occluders
-            .filter(|_| options.shadows != Shadows::None)
-            .map(|occluders| sweep(occluders, emitter.origin));
+        let thickness = match options.shadows {
+            Shadows::None => None,
+            Shadows::Guessed => Some(Thickness::Guessed),
+            Shadows::Doubted => Some(Thickness::Doubted),
+        };
+        let swept = (occluders.zip(thickness))
+            .map(|(occluders, thickness)| sweep(occluders, emitter.origin, thickness));
         let answers = swept.as_ref().map(|swept| Answers::new(swept, self.width));
         let source = Source::new(self, answers.as_ref());
         let shader = self.shader(emitter, options.indirect, &source);
-        let hard = options.shadows == Shadows::Hard;
-        let sees = |y: usize, shadow: &mut [f32]| {
-            let unseen = source.row(y, shadow);
-            if hard {
-                for value in shadow.iter_mut() {
-                    *value = if *value > 0.5 { 1.0 } else { 0.0 };
-                }
-            }
-            unseen
-        };
+        let sees = |y: usize, shadow: &mut [f32]| source.row(y, shadow);
         self.shade(&shader, (light, shadow), sees, |_, _| ())
     }
 
-    /// How much of the lamp each pixel sees, whatever way it faces; everything where no shadows are cast.
+    /// How much of the lamp each pixel sees, whatever way it faces, with bodies as thick as guessed; everything where no
+    /// shadows are cast.
     pub(super) fn seen(&self, emitter: Emitter) -> Seen {
         let mut visibility = Plane::filled(self.width, self.height, 1.0);
         let mut unseen = 0;
         if let Some(occluders) = &self.occluders
             && !visibility.is_empty()
         {
-            let swept = sweep(occluders, emitter.origin);
+            let swept = sweep(occluders, emitter.origin, Thickness::Guessed);
             let answers = Answers::new(&swept, self.width);
             let source = Source::new(self, Some(&answers));
             let rows = visibility.samples_mut().par_chunks_mut(self.width);

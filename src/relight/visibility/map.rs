@@ -9,7 +9,7 @@
 use super::{
     answers::Answers,
     occluders::Occluders,
-    sweep::{LIT, sweep},
+    sweep::{LIT, Thickness, sweep},
 };
 use crate::relight::Origin;
 use drivers::Plane;
@@ -77,7 +77,7 @@ fn clear(occluders: &Occluders, cells: &Cells) -> Vec<Vec<u32>> {
             let mut row = vec![0u8; width];
             for azimuth in (0..AZIMUTHS).filter(|&azimuth| cells[azimuth]) {
                 let toward = direction(ring * AZIMUTHS + azimuth);
-                let swept = sweep(occluders, Origin::Distant(toward));
+                let swept = sweep(occluders, Origin::Distant(toward), Thickness::Guessed);
                 let answers = Answers::new(&swept, width);
                 for (y, words) in words.chunks_mut(width.max(1)).enumerate() {
                     answers.part(y, 0, &mut row);

@@ -31,4 +31,4 @@ pub use answers::Answers;
 pub use map::VisibilityMap;
 pub use occluders::Occluders;
 pub(super) use sweep::STEEPEST_TANGENT;
-pub use sweep::{Swept, sweep};
+pub use sweep::{Swept, Thickness, sweep};

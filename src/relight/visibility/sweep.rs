@@ -13,6 +13,10 @@ use rayon::prelude::*;
 /// (nearest to the lamp) is forgotten. Scenes of the test set need three.
 const SLOTS: usize = 3;
 
+/// The same where thickness is doubted: thin bodies leave more between them. With three, shadows of captures of training and
+/// validation err 1.95e-2 squared, with four 1.82e-2, with six 1.80e-2.
+const DOUBTED_SLOTS: usize = 4;
+
 /// Set in an answer when the path to the lamp leaves the frame inside the scene's depth range.
 pub(super) const UNSEEN: u8 = 0x80;
 /// Fully lit, in the lower seven bits of an answer.
@@ -26,11 +30,31 @@ pub(in crate::relight) const STEEPEST_TANGENT: f32 = 8.0;
 /// guess, at silhouettes, its sigma spans the gap to the surface behind.
 const MOST_NOISE: f32 = 0.01;
 
+/// Far end of a slot that holds nothing: before all that is ever seen, and a number, as the length of what is between two
+/// infinities is none.
+const EMPTY: f32 = -1e30;
+
 /// Least |r × L| that is divided by: a ray so near to a lamp's image passes through the lamp.
 const LEAST_AXIS: f32 = 1e-9;
 
 /// Softness of the comparison in standard deviations of the difference of two depths.
 const SIGMAS: f32 = 1.5;
+
+/// How far bodies reach back, which no camera saw.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Thickness {
+    /// As far as guessed.
+    Guessed,
+    /// Anything from [`THINNEST`] to [`THICKEST`], all of it as likely.
+    Doubted,
+}
+
+/// Bodies are this share of their guessed thickness at least …
+const THINNEST: f32 = 0.2;
+/// … and so many times as thick at most. Of a dozen such ranges on 24 captures of training and validation this one's relit
+/// pictures err least on exact depth, by a little: 30.62 dB instead of 30.40 with the guess alone, and shadows' squared error
+/// 1.82e-2 instead of 2.20e-2; with the paper's noise 25.46 dB instead of 25.39.
+const THICKEST: f32 = 1.5;
 
 /// Visibility of one light, one answer per line sample.
 #[derive(Debug)]
@@ -43,7 +67,7 @@ pub struct Swept {
 /// Sweeps all lines of the light from `origin`.
 ///
 /// Cost is proportional to the number of pixels, wherever the lamp stands.
-pub fn sweep(occluders: &Occluders, origin: Origin) -> Swept {
+pub fn sweep(occluders: &Occluders, origin: Origin, thickness: Thickness) -> Swept {
     let fans = fans(&occluders.camera, origin);
     let answers = fans
         .fans
@@ -59,10 +83,19 @@ pub fn sweep(occluders: &Occluders, origin: Origin) -> Swept {
                     for strand in STRANDS {
                         if index * BAND + strand.first < fan.lines {
                             let walk = Walk::new(occluders, &fans, fan, origin, index, strand);
-                            if walk.lamp_metres.is_some() {
-                                dispatch!(level, simd => walk.run::<_, true>(simd, out));
-                            } else {
-                                dispatch!(level, simd => walk.run::<_, false>(simd, out));
+                            match (thickness, walk.lamp_metres) {
+                                (Thickness::Guessed, None) => {
+                                    dispatch!(level, simd => walk.run::<_, false, false, SLOTS>(simd, out));
+                                }
+                                (Thickness::Guessed, Some(_)) => {
+                                    dispatch!(level, simd => walk.run::<_, true, false, SLOTS>(simd, out));
+                                }
+                                (Thickness::Doubted, None) => {
+                                    dispatch!(level, simd => walk.run::<_, false, true, DOUBTED_SLOTS>(simd, out));
+                                }
+                                (Thickness::Doubted, Some(_)) => {
+                                    dispatch!(level, simd => walk.run::<_, true, true, DOUBTED_SLOTS>(simd, out));
+                                }
                             }
                         }
                     }
@@ -210,7 +243,11 @@ impl<'a> Walk<'a> {
     }
 
     #[inline(always)]
-    fn run<S: Simd, const NEAR: bool>(&self, simd: S, out: &mut [u8]) {
+    fn run<S: Simd, const NEAR: bool, const DOUBTED: bool, const SLOTS: usize>(
+        &self,
+        simd: S,
+        out: &mut [u8],
+    ) {
         let (first, end) = self.inside();
         if first > end {
             return;
@@ -226,7 +263,7 @@ impl<'a> Walk<'a> {
             f32x16::splat(simd, 1.0),
             f32x16::splat(simd, f32::INFINITY),
         );
-        let empty = f32x16::splat(simd, f32::NEG_INFINITY);
+        let empty = f32x16::splat(simd, EMPTY);
         let edge = f32x16::splat(simd, self.edge);
         let unseen_under = f32x16::splat(
             simd,
@@ -238,6 +275,9 @@ impl<'a> Walk<'a> {
         );
         let mut lo = [infinity; SLOTS];
         let mut hi = [empty; SLOTS];
+        // Of the slab of an interval that may reach furthest: how far, and how fast that gets unlikely on the way.
+        let mut far = [empty; SLOTS];
+        let mut fall = [zero; SLOTS];
         let mut previous_v = zero;
         let mut previous_z = infinity;
         // |r × L| and r · L where the line entered the frame: what lies further out was not seen.
@@ -281,13 +321,23 @@ impl<'a> Walk<'a> {
                 .mul_add(f32x16::splat(simd, major as f32), axis_start)
                 .max(zero);
             let noise = sigma * (SIGMAS * std::f32::consts::SQRT_2);
-            let (v, back, softness, unseen);
+            let (thin, thick) = if DOUBTED {
+                (thickness * THINNEST, thickness * THICKEST)
+            } else {
+                (thickness, thickness)
+            };
+            let (v, back, farther, softness, unseen);
             if NEAR {
                 let per_axis = one / axis.max(LEAST_AXIS);
                 let along = along_slope.mul_add(f32x16::splat(simd, major as f32), along_start);
                 let angle = |q: f32x16<S>| (along - q * lamp_metres) * per_axis;
                 v = angle(q);
-                back = angle(one / (z + thickness));
+                back = angle(one / (z + thin));
+                farther = if DOUBTED {
+                    angle(one / (z + thick))
+                } else {
+                    back
+                };
                 let turn = along_slope - v * axis_slope;
                 let half_turn = turn.abs() * 0.5;
                 softness = (q * q * lamp_metres).mul_add(noise, half_turn) * per_axis;
@@ -299,7 +349,8 @@ impl<'a> Walk<'a> {
                 unseen = leaves.simd_gt(0.0) & (leaves * unseen_under).simd_lt(lamp_metres);
             } else {
                 v = axis * z;
-                back = axis * (z + thickness);
+                back = axis * (z + thin);
+                farther = if DOUBTED { axis * (z + thick) } else { back };
                 softness = axis.mul_add(noise, half_step * z);
                 entry = (inside & entry.simd_eq(0.0)).select(axis, entry);
                 unseen = v.simd_gt(entry * unseen_under);
@@ -310,10 +361,11 @@ impl<'a> Walk<'a> {
             let mut blocked = zero;
             for k in 0..SLOTS {
                 let under = ((v - lo[k]) * per_softness).max(zero).min(one);
-                let over = (hi[k] - v)
-                    .mul_add(per_softness, f32x16::splat(simd, 0.5))
-                    .max(zero)
-                    .min(one);
+                let mut over = (hi[k] - v).mul_add(per_softness, f32x16::splat(simd, 0.5));
+                if DOUBTED {
+                    over = over.max((far[k] - v) * fall[k]);
+                }
+                let over = over.max(zero).min(one);
                 blocked = blocked.max(under * over);
             }
             let lit =
@@ -333,14 +385,28 @@ impl<'a> Walk<'a> {
             let joined = (z - previous_z).abs().simd_lt(reach);
             let a = joined.select(v.min(previous_v), v);
             let b = joined.select(back.max(previous_v), back);
+            let further = joined.select(farther.max(previous_v), farther);
             let mut a = known.select(a, infinity);
             let mut b = known.select(b, empty);
+            let mut c = known.select(further, empty);
+            let mut c_fall = if DOUBTED {
+                let span = (farther - back).max(softness * 2.0);
+                one / span.max(f32x16::splat(simd, 1e-12))
+            } else {
+                zero
+            };
             previous_z = known.select(z, infinity);
             previous_v = v;
             for k in 0..SLOTS {
                 let overlap = lo[k].simd_le(b) & hi[k].simd_ge(a);
                 a = overlap.select(a.min(lo[k]), a);
                 b = overlap.select(b.max(hi[k]), b);
+                if DOUBTED {
+                    let reaches_further = overlap & far[k].simd_gt(c);
+                    c = reaches_further.select(far[k], c);
+                    c_fall = reaches_further.select(fall[k], c_fall);
+                    far[k] = overlap.select(empty, far[k]);
+                }
                 lo[k] = overlap.select(infinity, lo[k]);
                 hi[k] = overlap.select(empty, hi[k]);
             }
@@ -352,6 +418,13 @@ impl<'a> Walk<'a> {
                 hi[k] = full.select(b, slot_hi);
                 a = full.select(slot_lo, a);
                 b = full.select(slot_hi, b);
+                if DOUBTED {
+                    let (slot_far, slot_fall) = (far[k], fall[k]);
+                    far[k] = full.select(c, slot_far);
+                    fall[k] = full.select(c_fall, slot_fall);
+                    c = full.select(slot_far, c);
+                    c_fall = full.select(slot_fall, c_fall);
+                }
             }
         }
     }

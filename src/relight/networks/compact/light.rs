@@ -198,22 +198,37 @@ impl Correction {
         })
     }
 
-    /// The scene under one lamp.
-    ///
-    /// # Errors
-    /// [`NetworkError`] of the network.
-    pub fn relight(
-        &self,
-        prepared: &Prepared,
-        lamp: impl Into<Emitter>,
-        network: &dyn Network,
-    ) -> Result<Relit, NetworkError> {
-        let lamp = lamp.into();
+    /// The scene under one lamp after another, in their order: while the network says what it has to of one, the next is swept and
+    /// the last is shaded.
+    pub fn relit<'a>(
+        &'a self,
+        prepared: &'a Prepared,
+        lamps: &'a [Emitter],
+        network: &'a dyn Network,
+    ) -> Relighting<'a> {
+        Relighting {
+            correction: self,
+            prepared,
+            network,
+            lamps: lamps.iter(),
+            asked: None,
+            answered: None,
+        }
+    }
+
+    fn asked(&self, prepared: &Prepared, lamp: Emitter) -> Asked {
         let swept = self.swept(prepared, lamp);
-        let color: [f32; 3] = std::array::from_fn(|c| lamp.color[c] / swept.white.color[c]);
-        let given = self.given(&swept, lamp);
-        let wanted = [("weight", 1), ("shadow", 1), ("bounced", 3)];
-        let [weight, shadow, bounced] = answers(network, &[("lamp", &given)], &wanted)?;
+        Asked {
+            color: std::array::from_fn(|c| lamp.color[c] / swept.white.color[c]),
+            given: self.given(&swept, lamp),
+            white: swept.white,
+            seen: swept.seen,
+        }
+    }
+
+    fn shaded(&self, prepared: &Prepared, asked: Asked, answer: [Channels; 3]) -> Relit {
+        let [weight, shadow, bounced] = answer;
+        let color = asked.color;
         let share = |answer: Channels| -> Vec<f32> {
             let samples = answer.samples.into_iter();
             samples.map(|share| finite(share).clamp(0.0, 1.0)).collect()
@@ -221,7 +236,7 @@ impl Correction {
         let (weight, told) = (share(weight), share(shadow));
         let bounced = Told::new(&bounced, BOUNCED_GRID, prepared.size());
         let width = prepared.size().0;
-        let stretch = Stretch::new(given.size, prepared.size());
+        let stretch = Stretch::new(asked.given.size, prepared.size());
         let albedo = prepared.surfaces.albedo();
         let sees = |y: usize, seen: &mut [f32]| {
             let mut between = Vec::new();
@@ -242,7 +257,64 @@ impl Correction {
                 }
             }
         };
-        Ok(prepared.relight_seen(swept.white, swept.seen, sees, sends))
+        prepared.relight_seen(asked.white, asked.seen, sees, sends)
+    }
+}
+
+/// One lamp, swept and ready for the network.
+struct Asked {
+    /// The lamp's color over that of `white`.
+    color: [f32; 3],
+    given: Channels,
+    white: Emitter,
+    seen: Seen,
+}
+
+/// What [`Correction::relit`] gives.
+pub struct Relighting<'a> {
+    correction: &'a Correction,
+    prepared: &'a Prepared,
+    network: &'a dyn Network,
+    lamps: std::slice::Iter<'a, Emitter>,
+    asked: Option<Asked>,
+    answered: Option<(Asked, [Channels; 3])>,
+}
+
+impl Iterator for Relighting<'_> {
+    type Item = Result<Relit, NetworkError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let (correction, prepared) = (self.correction, self.prepared);
+        let wanted = [("weight", 1), ("shadow", 1), ("bounced", 3)];
+        loop {
+            let (lamp, asked, answered) =
+                (self.lamps.next(), self.asked.take(), self.answered.take());
+            if lamp.is_none() && asked.is_none() && answered.is_none() {
+                return None;
+            }
+            let (mut next, mut relit) = (None, None);
+            // The network stays on this thread: it need not know of others.
+            let answer = rayon::in_place_scope(|scope| {
+                if let Some((asked, answer)) = answered {
+                    let relit = &mut relit;
+                    scope.spawn(move |_| *relit = Some(correction.shaded(prepared, asked, answer)));
+                }
+                if let Some(lamp) = lamp {
+                    let next = &mut next;
+                    scope.spawn(move |_| *next = Some(correction.asked(prepared, *lamp)));
+                }
+                let given = asked.as_ref().map(|asked| &asked.given)?;
+                Some(answers(self.network, &[("lamp", given)], &wanted))
+            });
+            self.asked = next;
+            match answer.transpose() {
+                Ok(answer) => self.answered = asked.zip(answer),
+                Err(error) => return Some(Err(error)),
+            }
+            if relit.is_some() {
+                return relit.map(Ok);
+            }
+        }
     }
 }
 
