@@ -23,7 +23,7 @@ const COVER_AT_MOST: f32 = 0.4;
 /// Whether the room's light exceeds the flash frame's. `difference` and `room` are sums of the
 /// channels, `variance` is the mean of the channels'.
 pub(super) fn exceeds(difference: f32, variance: f32, room: f32) -> bool {
-    -difference > SUSPECT_SIGMAS * (3.0 * variance).sqrt() && -difference > SUSPECT_SHARE * room
+    -difference > SUSPECT_SHARE * room && -difference > SUSPECT_SIGMAS * (3.0 * variance).sqrt()
 }
 
 /// Whether two ambient frames disagree, once `agreement` (their common ratio) is taken out.

@@ -93,7 +93,7 @@ fn scatter_by_brightness(light: &LinearImage, factor: f32, grid: Grid) -> Vec<[f
         return Vec::new();
     }
     let stride = ((width * height / POSITIONS) as f32).sqrt().ceil().max(1.0) as usize;
-    let mut seen: Vec<[f32; 2]> = (reach..height - reach)
+    let seen: Vec<[f32; 2]> = (reach..height - reach)
         .into_par_iter()
         .step_by(stride)
         .flat_map_iter(|y| {
@@ -128,9 +128,9 @@ fn scatter_by_brightness(light: &LinearImage, factor: f32, grid: Grid) -> Vec<[f
     if seen.is_empty() {
         return Vec::new();
     }
-    seen.par_sort_unstable_by(|a, b| a[0].total_cmp(&b[0]));
-    let per_bin = seen.len().div_ceil(BINS);
-    seen.chunks_mut(per_bin)
+    let mut bins = by_brightness(&seen);
+    bins.retain(|bin| !bin.is_empty());
+    bins.iter_mut()
         .map(|bin| {
             let mean = bin.iter().map(|sample| sample[0]).sum::<f32>() / bin.len() as f32;
             let quartile = bin.len() / 4;
@@ -138,6 +138,33 @@ fn scatter_by_brightness(light: &LinearImage, factor: f32, grid: Grid) -> Vec<[f
             [mean, (answer[1] / LOWER_QUARTILE_OF_NORMAL).powi(2)]
         })
         .collect()
+}
+
+/// Samples in [`BINS`] bins of rising brightness and nearly as many in each: what is alike to one part in a hundred stays
+/// together.
+fn by_brightness(seen: &[[f32; 2]]) -> Vec<Vec<[f32; 2]>> {
+    // The upper half of a number's bits, in the order of the numbers.
+    let place = |sample: &[f32; 2]| {
+        let bits = sample[0].to_bits() >> 16;
+        (if bits & 0x8000 == 0 {
+            bits | 0x8000
+        } else {
+            !bits & 0xffff
+        }) as usize
+    };
+    let mut before = vec![0usize; 1 << 16];
+    for sample in seen {
+        before[place(sample)] += 1;
+    }
+    let mut sum = 0;
+    for count in &mut before {
+        sum += std::mem::replace(count, sum);
+    }
+    let mut bins = vec![Vec::new(); BINS];
+    for sample in seen {
+        bins[before[place(sample)] * BINS / seen.len()].push(*sample);
+    }
+    bins
 }
 
 /// Least relative deviation by reweighting, both coefficients held at or above zero.

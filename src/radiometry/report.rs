@@ -61,11 +61,13 @@ pub(super) fn quality(light: &LinearImage, variance: &Plane<f32>) -> Quality {
         .map(|(light, variance)| {
             let mut counts = [0usize; 4];
             for (rgb, &variance) in light.iter().zip(variance) {
-                let signal = signal(rgb, variance);
-                counts[0] += usize::from(!signal.is_nan());
-                counts[1] += usize::from(signal < 0.0);
-                counts[2] += usize::from(signal < -WEAK_SIGMAS);
-                counts[3] += usize::from(signal < WEAK_SIGMAS);
+                // `signal` against its limits, without its root and division.
+                let mean = (rgb[0] + rgb[1] + rgb[2]) / 3.0;
+                let within = mean * mean <= WEAK_SIGMAS * WEAK_SIGMAS / 3.0 * variance;
+                counts[0] += usize::from(!(mean + variance).is_nan());
+                counts[1] += usize::from(mean < 0.0 && !variance.is_nan());
+                counts[2] += usize::from(mean < 0.0 && !within && !variance.is_nan());
+                counts[3] += usize::from(within || mean < 0.0 && !variance.is_nan());
             }
             counts
         })

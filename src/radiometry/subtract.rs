@@ -103,17 +103,16 @@ pub fn subtract(
         .enumerate()
         .map_init(
             || vec![Vec::new(); rooms.len()],
-            |rows, (y, ((light, variance), suspects))| {
+            |moved, (y, ((light, variance), suspects))| {
                 let mut tally = RowTally::default();
-                for (room, row) in rooms.iter().zip(rows.iter_mut()) {
-                    room.row(y, row);
-                }
+                let rows = rooms.iter().zip(moved.iter_mut());
+                let rows: Vec<Row<'_>> = rows.map(|(room, row)| room.row(y, row)).collect();
                 for x in 0..width {
                     let mut room_light = [0.0f32; 3];
                     let mut room_variance = 0.0f32;
                     let mut inside = true;
                     for (room, row) in rooms.iter().zip(rows.iter()) {
-                        let seen = &row[x];
+                        let seen = row.at(x);
                         inside &= seen.inside;
                         if room.weight > 0.0 {
                             for (sum, channel) in room_light.iter_mut().zip(seen.light) {
@@ -137,16 +136,11 @@ pub fn subtract(
                         let against_room =
                             motion::exceeds(sum, total, room_light.iter().sum::<f32>());
                         let between_rooms = rows.len() == 2 && {
+                            let seen = [rows[0].at(x), rows[1].at(x)];
                             let variances: [f32; 2] = std::array::from_fn(|i| {
-                                rows[i][x].variance_factor
-                                    * rooms[i].scatter.variance(rows[i][x].light)
+                                seen[i].variance_factor * rooms[i].scatter.variance(seen[i].light)
                             });
-                            motion::disagree(
-                                rows[0][x].light,
-                                rows[1][x].light,
-                                variances,
-                                agreement,
-                            )
+                            motion::disagree(seen[0].light, seen[1].light, variances, agreement)
                         };
                         suspects[x] = u8::from(against_room || between_rooms);
                     }
@@ -282,17 +276,32 @@ impl Room {
         })
     }
 
-    /// Row `y` as the flash frame sees it, in place of what `row` held.
-    fn row(&self, y: usize, row: &mut Vec<Resampled>) {
-        let still = self.light.0.row(y).iter().map(|&light| Resampled {
-            light,
-            variance_factor: 1.0,
-            inside: true,
-        });
-        row.clear();
-        row.extend(still);
-        if !self.warp.is_identity() {
-            resample_row(&self.light, &self.warp, y, row);
+    /// Row `y` as the flash frame sees it; where that moves, it takes the place of what `moved` held.
+    fn row<'a>(&'a self, y: usize, moved: &'a mut Vec<Resampled>) -> Row<'a> {
+        let still = self.light.0.row(y);
+        if self.warp.is_identity() {
+            return Row::Still(still);
+        }
+        moved.resize(still.len(), Resampled::still([f32::NAN; 3]));
+        resample_row(&self.light, &self.warp, y, moved);
+        Row::Moved(moved)
+    }
+}
+
+/// A row of an ambient frame.
+enum Row<'a> {
+    /// As it lies.
+    Still(&'a [[f32; 3]]),
+    /// Resampled.
+    Moved(&'a [Resampled]),
+}
+
+impl Row<'_> {
+    #[inline(always)]
+    fn at(&self, x: usize) -> Resampled {
+        match self {
+            Self::Still(row) => Resampled::still(row[x]),
+            Self::Moved(row) => row[x],
         }
     }
 }
@@ -303,9 +312,12 @@ const QUANTISATION_STEPS: usize = 256;
 /// Variance of a frame's light at unit exposure.
 pub(super) struct Scatter {
     model: NoiseModel,
-    factor: f32,
+    /// From the sum of a light's channels to their mean as a share of white.
+    per_sum: f32,
+    /// From a variance of that share to one of light.
+    per_share: f32,
     /// By the square root of light, which spreads dark values as most transfer curves do.
-    quantisation: Vec<f32>,
+    quantisation: [f32; QUANTISATION_STEPS],
 }
 
 impl Scatter {
@@ -330,25 +342,24 @@ impl Scatter {
             Some(sensor) => NoiseModel::of_sensor(sensor, frame.exposure.gain),
             None => NoiseModel::estimate(light, levels.factor, grid),
         };
-        let quantisation = (0..QUANTISATION_STEPS)
-            .map(|i| {
-                let root = i as f32 / (QUANTISATION_STEPS - 1) as f32;
-                let value = super::transfer::encode(levels.transfer, root * root);
-                levels.quantisation(levels.black + levels.span * value)
-            })
-            .collect();
+        let quantisation = std::array::from_fn(|i| {
+            let root = i as f32 / (QUANTISATION_STEPS - 1) as f32;
+            let value = super::transfer::encode(levels.transfer, root * root);
+            levels.quantisation(levels.black + levels.span * value)
+        });
         Ok(Self {
             model,
-            factor: levels.factor,
+            per_sum: levels.factor / 3.0,
+            per_share: 1.0 / (levels.factor * levels.factor),
             quantisation,
         })
     }
 
     /// Mean variance of the channels of `light`.
     pub(super) fn variance(&self, light: [f32; 3]) -> f32 {
-        let relative = (light[0] + light[1] + light[2]).max(0.0) * self.factor / 3.0;
+        let relative = (light[0] + light[1] + light[2]).max(0.0) * self.per_sum;
         let index = (relative.sqrt() * (QUANTISATION_STEPS - 1) as f32) as usize;
         let quantisation = self.quantisation[index.min(QUANTISATION_STEPS - 1)];
-        (self.model.variance(relative) + quantisation) / (self.factor * self.factor)
+        (self.model.variance(relative) + quantisation) * self.per_share
     }
 }

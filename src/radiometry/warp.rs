@@ -117,6 +117,17 @@ pub(super) struct Resampled {
     pub inside: bool,
 }
 
+impl Resampled {
+    /// A pixel that nothing moved.
+    pub fn still(light: [f32; 3]) -> Self {
+        Self {
+            light,
+            variance_factor: 1.0,
+            inside: true,
+        }
+    }
+}
+
 /// Row `y` of `image` as seen through `warp`.
 ///
 /// Cubic convolution with a = −½ (Keys, IEEE TASSP 1981). Where one of its outer samples is

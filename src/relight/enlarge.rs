@@ -172,33 +172,75 @@ const UNLIKE: f32 = 200.0;
 /// What the most unlike neighbour still weighs, so that something weighs where all are unlike.
 const LEAST_LIKE: f32 = 1e-3;
 
-/// Four neighbours on the small grid, as the photograph's pixel `flash` weighs them: indices and weights,
-/// which sum to one. `None` where the nearest is unknown.
-fn guided(
-    weights: [(f32, usize); 4],
-    known: impl Fn(usize) -> bool,
-    guide: &[[f32; 3]],
-    flash: [f32; 3],
-) -> Option<[(f32, usize); 4]> {
-    let mut plain = 0.0;
-    let mut total = 0.0;
-    let found = weights.map(|(weight, index)| {
-        if !known(index) {
-            return (0.0, index);
+/// A relit picture on the small grid, ready to be mixed.
+struct Small {
+    /// The photograph's light, never quite dark.
+    guide: Vec<[f32; 3]>,
+    /// Relit light over `guide`, and the shadow; 0 where either is unknown.
+    relit: Vec<[f32; 4]>,
+    /// 1 where both are known, else 0.
+    known: Vec<f32>,
+}
+
+impl Small {
+    fn of(relit: &Relit, guide: Vec<[f32; 3]>) -> Self {
+        let samples = relit.light.0.samples().par_iter();
+        let samples = samples.zip(relit.shadow.samples()).zip(&guide);
+        let (mixed, known) = samples
+            .map(|((light, shadow), guide)| {
+                let [red, green, blue] = std::array::from_fn(|c| light[c] / guide[c]);
+                if [red, green, blue].is_known() && shadow.is_known() {
+                    ([red, green, blue, *shadow], 1.0)
+                } else {
+                    ([0.0; 4], 0.0)
+                }
+            })
+            .unzip();
+        Self {
+            guide,
+            relit: mixed,
+            known,
         }
-        plain += weight;
-        let (mut apart, mut sum) = (0.0, 0.0);
-        for (there, here) in guide[index].iter().zip(flash) {
-            apart += (there - here) * (there - here);
-            sum += (there + here) * (there + here);
+    }
+
+    /// The mean of four neighbours, as the photograph's pixel `flash` weighs them: bilinearly, and by how alike they look.
+    /// `None` where the nearest is unknown.
+    #[inline(always)]
+    fn mixed(&self, weights: [f32; 4], places: [usize; 4], flash: [f32; 3]) -> Option<[f32; 4]> {
+        // Four at a time throughout, which compilers make vectors of.
+        let plain: [f32; 4] = std::array::from_fn(|k| weights[k] * self.known[places[k]]);
+        // False for NaN too.
+        if !((plain[0] + plain[1]) + (plain[2] + plain[3]) >= 0.5) {
+            return None;
         }
-        let like = sum / (sum + UNLIKE * apart) + LEAST_LIKE;
+        let there = places.map(|place| self.guide[place]);
+        let (mut apart, mut sum) = ([0.0f32; 4], [0.0f32; 4]);
+        for (c, here) in flash.into_iter().enumerate() {
+            for k in 0..4 {
+                let (less, more) = (there[k][c] - here, there[k][c] + here);
+                apart[k] += less * less;
+                sum[k] += more * more;
+            }
+        }
+        let like: [f32; 4] =
+            std::array::from_fn(|k| sum[k] / (sum[k] + UNLIKE * apart[k]) + LEAST_LIKE);
         // What is not known to be alike weighs as the most unlike.
-        let weight = weight * if like.is_nan() { LEAST_LIKE } else { like };
-        total += weight;
-        (weight, index)
-    });
-    (plain >= 0.5).then(|| found.map(|(weight, index)| (weight / total, index)))
+        let weights: [f32; 4] = std::array::from_fn(|k| {
+            plain[k]
+                * if like[k].is_nan() {
+                    LEAST_LIKE
+                } else {
+                    like[k]
+                }
+        });
+        let per_weight = 1.0 / ((weights[0] + weights[1]) + (weights[2] + weights[3]));
+        let mut mean = [0.0f32; 4];
+        for (weight, place) in weights.into_iter().zip(places) {
+            let relit = self.relit[place];
+            mean = std::array::from_fn(|c| mean[c] + weight * per_weight * relit[c]);
+        }
+        Some(mean)
+    }
 }
 
 /// A relit picture at the size of the photograph.
@@ -209,12 +251,8 @@ pub fn enlarge_relit(relit: &Relit, small: &LinearImage, full: &LinearImage) -> 
     let (width, height) = full.0.size();
     let floor = FLOOR_SHARE * median_level(small);
     let lifted = |flash: &[f32; 3]| flash.map(|channel| channel.max(0.0) + floor);
-    let guide: Vec<[f32; 3]> = small.0.samples().par_iter().map(lifted).collect();
-    let relit_samples = relit.light.0.samples();
-    let quotient: Vec<[f32; 3]> = (relit_samples.par_iter().zip(&guide))
-        .map(|(relit, flash)| std::array::from_fn(|c| relit[c] / flash[c]))
-        .collect();
-    let shadows = relit.shadow.samples();
+    let guide = small.0.samples().par_iter().map(lifted).collect();
+    let mixable = Small::of(relit, guide);
     let columns = places(small.0.width(), width);
     let rows = places(small.0.height(), height);
     let mut light = Plane::filled(width, height, [f32::NAN; 3]);
@@ -229,28 +267,29 @@ pub fn enlarge_relit(relit: &Relit, small: &LinearImage, full: &LinearImage) -> 
             let pixels = light.iter_mut().zip(shadow).zip(flash).zip(&columns);
             for (((light, shadow), flash), &column) in pixels {
                 let (fx, fy) = (column.2, row.2);
-                let corners = [
-                    ((1.0 - fx) * (1.0 - fy), starts[0] + column.0),
-                    (fx * (1.0 - fy), starts[0] + column.1),
-                    ((1.0 - fx) * fy, starts[1] + column.0),
-                    (fx * fy, starts[1] + column.1),
+                let weights = [
+                    (1.0 - fx) * (1.0 - fy),
+                    fx * (1.0 - fy),
+                    (1.0 - fx) * fy,
+                    fx * fy,
                 ];
-                let known = |index: usize| quotient[index].is_known() && shadows[index].is_known();
+                let places = [
+                    starts[0] + column.0,
+                    starts[0] + column.1,
+                    starts[1] + column.0,
+                    starts[1] + column.1,
+                ];
                 let lit = lifted(flash);
-                let found = guided(corners, known, &guide, lit).filter(|_| flash.is_known());
-                let Some(found) = found else {
+                let mixed = flash
+                    .is_known()
+                    .then(|| mixable.mixed(weights, places, lit))
+                    .flatten();
+                let Some([red, green, blue, share]) = mixed else {
                     *light = at(&relit.light.0, column, row);
                     *shadow = at(&relit.shadow, column, row);
                     continue;
                 };
-                let (mut ratio, mut share) = ([0.0f32; 3], 0.0);
-                for (weight, index) in found.into_iter().filter(|(weight, _)| *weight > 0.0) {
-                    for (sum, channel) in ratio.iter_mut().zip(quotient[index]) {
-                        *sum += weight * channel;
-                    }
-                    share += weight * shadows[index];
-                }
-                *light = std::array::from_fn(|c| ratio[c] * lit[c]);
+                *light = [red * lit[0], green * lit[1], blue * lit[2]];
                 *shadow = share;
             }
         });
