@@ -19,7 +19,8 @@
 //! becomes `v`.
 //!
 //! Line sweeps: Timonen, "Line-Sweep Ambient Obscurance" (2013); horizons: Max (1988). New here:
-//! perspective cameras, and intervals of finite thickness instead of one horizon.
+//! perspective cameras, intervals of finite thickness instead of one horizon, and ends of intervals that fade over all
+//! the thicknesses a body may have.
 
 pub mod answers;
 pub mod lines;
