@@ -209,8 +209,7 @@ impl Small {
     fn mixed(&self, weights: [f32; 4], places: [usize; 4], flash: [f32; 3]) -> Option<[f32; 4]> {
         // Four at a time throughout, which compilers make vectors of.
         let plain: [f32; 4] = std::array::from_fn(|k| weights[k] * self.known[places[k]]);
-        // False for NaN too.
-        if !((plain[0] + plain[1]) + (plain[2] + plain[3]) >= 0.5) {
+        if (plain[0] + plain[1]) + (plain[2] + plain[3]) < 0.5 {
             return None;
         }
         let there = places.map(|place| self.guide[place]);
