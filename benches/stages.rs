@@ -225,10 +225,11 @@ fn marches() {
         black_box(world::march_64(&scene, lamp.toward()));
     });
     let steps = world::march_64(&scene, lamp.toward());
+    // The march takes thickness as it is guessed.
     let answer = sweep(
         &occluders,
         Origin::Distant(lamp.toward()),
-        Thickness::Doubted,
+        Thickness::Guessed,
     );
     let answers = Answers::new(&answer, 512);
     let mut row = vec![0.0; 512];
