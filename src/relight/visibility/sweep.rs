@@ -45,7 +45,7 @@ const SIGMAS: f32 = 1.5;
 pub enum Thickness {
     /// As far as guessed.
     Guessed,
-    /// Anything from [`THINNEST`] to [`THICKEST`], all of it as likely.
+    /// Anything from a fifth of the guess to one and a half times of it, all as likely.
     Doubted,
 }
 
