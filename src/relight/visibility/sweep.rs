@@ -30,8 +30,7 @@ pub(in crate::relight) const STEEPEST_TANGENT: f32 = 8.0;
 /// guess, at silhouettes, its sigma spans the gap to the surface behind.
 const MOST_NOISE: f32 = 0.01;
 
-/// Far end of a slot that holds nothing: before all that is ever seen, and a number, as the length of what is between two
-/// infinities is none.
+/// Far end of a slot that holds nothing: before all that is ever seen, and finite, as infinity times nothing is no number.
 const EMPTY: f32 = -1e30;
 
 /// Least |r × L| that is divided by: a ray so near to a lamp's image passes through the lamp.
