@@ -184,7 +184,7 @@ fn kept(file: &Path) -> Option<Kept> {
 
 fn of_this_build(costs: CostModel, pace: f64) -> Kept {
     Kept {
-        format: 3,
+        format: 4,
         threads: rayon::current_num_threads(),
         optimised: !cfg!(debug_assertions),
         pace,

@@ -63,11 +63,15 @@ pub(super) fn quality(light: &LinearImage, variance: &Plane<f32>) -> Quality {
             for (rgb, &variance) in light.iter().zip(variance) {
                 // `signal` against its limits, without its root and division.
                 let mean = (rgb[0] + rgb[1] + rgb[2]) / 3.0;
+                if (mean + variance).is_nan() {
+                    continue;
+                }
+                let negative = mean < 0.0;
                 let within = mean * mean <= WEAK_SIGMAS * WEAK_SIGMAS / 3.0 * variance;
-                counts[0] += usize::from(!(mean + variance).is_nan());
-                counts[1] += usize::from(mean < 0.0 && !variance.is_nan());
-                counts[2] += usize::from(mean < 0.0 && !within && !variance.is_nan());
-                counts[3] += usize::from(within || mean < 0.0 && !variance.is_nan());
+                counts[0] += 1;
+                counts[1] += usize::from(negative);
+                counts[2] += usize::from(negative && !within);
+                counts[3] += usize::from(negative || within);
             }
             counts
         })

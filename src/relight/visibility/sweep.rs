@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 /// Disjoint blocked intervals remembered per line; when more would be needed the one met first
 /// (nearest to the lamp) is forgotten. Scenes of the test set need three.
-const SLOTS: usize = 3;
+const GUESSED_SLOTS: usize = 3;
 
 /// The same where thickness is doubted: thin bodies leave more between them. With three, shadows of captures of training and
 /// validation err 1.95e-2 squared, with four 1.82e-2, with six 1.80e-2.
@@ -84,10 +84,10 @@ pub fn sweep(occluders: &Occluders, origin: Origin, thickness: Thickness) -> Swe
                             let walk = Walk::new(occluders, &fans, fan, origin, index, strand);
                             match (thickness, walk.lamp_metres) {
                                 (Thickness::Guessed, None) => {
-                                    dispatch!(level, simd => walk.run::<_, false, false, SLOTS>(simd, out));
+                                    dispatch!(level, simd => walk.run::<_, false, false, GUESSED_SLOTS>(simd, out));
                                 }
                                 (Thickness::Guessed, Some(_)) => {
-                                    dispatch!(level, simd => walk.run::<_, true, false, SLOTS>(simd, out));
+                                    dispatch!(level, simd => walk.run::<_, true, false, GUESSED_SLOTS>(simd, out));
                                 }
                                 (Thickness::Doubted, None) => {
                                     dispatch!(level, simd => walk.run::<_, false, true, DOUBTED_SLOTS>(simd, out));
